@@ -1,0 +1,841 @@
+"""The command ``leg-dynamics``."""
+
+from __future__ import annotations
+
+import codecs
+import contextlib
+import dataclasses
+import functools
+import json
+import math
+import os
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
+
+import typer
+
+from leg_dynamics.errors import (
+    CrosscheckError,
+    LegDynamicsError,
+    LegDynamicsWarning,
+    OutputError,
+    TrajectoryError,
+    UnsupportedError,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
+    from rich.console import Console
+
+    from leg_dynamics.analysis.trajectories import Trajectory
+    from leg_dynamics.leg import Leg
+
+__all__ = ["app", "main"]
+
+OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+EXIT_CODES = (
+    "Exit codes: 0 done; 1 a check failed or two routes disagree; 2 bad usage or bad input, said in one line; "
+    "130 interrupted."
+)
+AGREEMENT = 1e-9
+"""Two routes agree where their difference is at most this times (1 + magnitude)."""
+CHUNK = 256
+"""Rows computed between two steps of a progress bar."""
+PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+FORCE_NOTE = (
+    "The foot force is the one that the environment applies to the foot, in the hip frame "
+    "(Xu 2025 eq. 49-50 count the opposite one, which the foot exerts)."
+)
+
+app = typer.Typer(
+    name="leg-dynamics",
+    help="Torques, Jacobians and design maps of closed-loop robot legs. "
+    "LEG is a shipped name (see `list`) or a path to a .urdf, .urdf.xacro or .xacro file; an xacro file can run Python "
+    "code, so render only files that you trust.",
+    epilog=EXIT_CODES,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+# Parameters that several commands share.
+LegName = Annotated[str, typer.Argument(metavar="LEG", help="Shipped name, or path to .urdf / .urdf.xacro.")]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter of an xacro leg; repeatable."),
+]
+FootOption = Annotated[str | None, typer.Option("--foot", metavar="LINK", help="Foot link of a file of your own.")]
+UrdfOption = Annotated[
+    Path | None, typer.Option("--urdf", metavar="FILE", help="Geometry and inertia for a named leg's formulas.")
+]
+RouteOption = Annotated[
+    str | None,
+    typer.Option("--route", metavar="ROUTE", help="closed_form, pinocchio, ...; the leg's default if absent."),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, on standard output.")]
+TrajectoryOption = Annotated[
+    str | None,
+    typer.Option(
+        "--trajectory",
+        metavar="NAME|FILE.csv",
+        help="A named trajectory of the leg (its first if absent), or a CSV file with columns t, q1..qn "
+        "(or joint names), or t, x, y, z of the foot; s, rad, m.",
+    ),
+]
+DurationOption = Annotated[
+    float | None, typer.Option("--duration", metavar="S", help="Length of a named trajectory, s.")
+]
+RateOption = Annotated[
+    float | None, typer.Option("--rate", metavar="1/S", help="Samples a second of a named trajectory.")
+]
+LimitsOption = Annotated[bool, typer.Option("--ignore-limits", help="Allow motions outside the joint limits.")]
+
+
+class _Report(Protocol):
+    """What the cross-check returns."""
+
+    @property
+    def passed(self) -> bool: ...
+
+    def to_dict(self) -> dict[str, Any]: ...
+
+
+def _reported(command: Callable[..., None]) -> Callable[..., None]:
+    """Turn errors of this package into one line and an exit code, and its warnings into one line each."""
+
+    @functools.wraps(command)
+    def wrapper(*args: Any, **kwargs: Any) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", LegDynamicsWarning)
+            show = warnings.showwarning
+
+            def showwarning(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
+                if issubclass(category, LegDynamicsWarning):
+                    _complain(f"warning: {message}")
+                else:
+                    show(message, category, *place, **more)
+
+            warnings.showwarning = showwarning
+            try:
+                command(*args, **kwargs)
+            except KeyboardInterrupt:
+                _complain("interrupted")
+                raise typer.Exit(INTERRUPTED) from None
+            except CrosscheckError as error:
+                _complain(f"error: {error}")
+                raise typer.Exit(FAILED) from None
+            except LegDynamicsError as error:
+                _complain(f"error: {error}")
+                raise typer.Exit(USAGE) from None
+
+    return wrapper
+
+
+def _command(name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    def register(function: Callable[..., None]) -> Callable[..., None]:
+        return app.command(name, epilog=EXIT_CODES)(_reported(function))
+
+    return register
+
+
+@app.callback()
+def _global_options(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.", is_eager=True)] = False,
+) -> None:
+    if version:
+        print(f"leg-dynamics {_version()}")
+        raise typer.Exit(OK)
+
+
+@_command("list")
+def list_legs(as_json: JsonOption = False) -> None:
+    """List the shipped legs."""
+    import leg_dynamics
+    from leg_dynamics import description
+    from leg_dynamics.analysis.trajectories import named
+
+    rows = []
+    for name in leg_dynamics.available():
+        mechanism = description.read(name)
+        rows.append(
+            {
+                "name": name,
+                "joints": [j.name for j in mechanism.moving_joints if j.independent],
+                "actuators": [transmission.actuator for transmission in mechanism.transmissions],
+                "links": len(mechanism.links),
+                "loops": len(mechanism.loops),
+                "couplings": len(mechanism.couplings),
+                "trajectories": list(named(mechanism.name)),
+            }
+        )
+    if as_json:
+        _print_json({"legs": rows})
+        return
+    table = _table("Shipped legs", "name", "coordinates", "actuators", "links", "loops", "couplings", "trajectories")
+    for row in rows:
+        table.add_row(*(", ".join(value) if isinstance(value, list) else str(value) for value in row.values()))
+    _console().print(table)
+
+
+@_command("info")
+def info_leg(
+    leg: LegName,
+    route: RouteOption = None,
+    set_: SetOption = None,
+    foot: FootOption = None,
+    urdf: UrdfOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show a leg's coordinates, limits, actuators, parameters and mobility."""
+    model = _load(leg, route, set_, foot, urdf)
+    mechanism = model.description
+    mobility = _mobility(model)
+    moving_mass = math.fsum(link.inertial.mass for link in mechanism.links if link.inertial is not None)
+    joints = [
+        {
+            "name": name,
+            "unit": unit,
+            "lower": float(model.limits.lower[i]),
+            "upper": float(model.limits.upper[i]),
+            "velocity": float(model.limits.velocity[i]),
+            "effort": float(model.limits.effort[i]),
+        }
+        for i, (name, unit) in enumerate(zip(model.joint_names, model.units.joints, strict=True))
+    ]
+    actuators = [
+        {"name": name, "unit": unit} for name, unit in zip(model.actuator_names, model.units.actuators, strict=True)
+    ]
+    facts = {
+        "name": mechanism.name,
+        "file": mechanism.file,
+        "route": model.route,
+        "foot": model.foot,
+        "links": len(mechanism.links),
+        "tree_joints": len(mechanism.moving_joints),
+        "loops": len(mechanism.loops),
+        "couplings": len(mechanism.couplings),
+        "mass": moving_mass,
+        "configurations": [configuration.name for configuration in mechanism.configurations],
+    }
+    parameters = [dataclasses.asdict(parameter) for parameter in mechanism.parameters.values()]
+    if as_json:
+        _print_json(
+            facts
+            | {
+                "joints": joints,
+                "actuators": actuators,
+                "parameters": parameters,
+                "mobility": None if mobility is None else mobility.to_dict(),
+            }
+        )
+        return
+    console = _console()
+    table = _table(f"{mechanism.name}", "", "")
+    table.show_header = False
+    for key, value in facts.items():
+        text = ", ".join(value) if isinstance(value, list) else _number(value)
+        table.add_row(key.replace("_", " "), text + (" kg" if key == "mass" else ""))
+    console.print(table)
+    table = _table("Independent coordinates", "name", "unit", "lower", "upper", "velocity limit", "effort limit")
+    for row in joints:
+        table.add_row(*(_number(value) for value in row.values()))
+    console.print(table)
+    table = _table("Actuators", "name", "unit")
+    for actuator in actuators:
+        table.add_row(*actuator.values())
+    console.print(table)
+    if parameters:
+        table = _table("Parameters", "name", "value", "unit", "source", "description")
+        for parameter in parameters:
+            table.add_row(*(_number(parameter[key]) for key in ("name", "value", "unit", "source", "description")))
+        console.print(table)
+    if mobility is not None:
+        console.print(mobility)
+
+
+@_command("render")
+def render_leg(
+    leg: LegName,
+    check: Annotated[bool, typer.Option("--check", help="Fail where the shipped URDF+ is stale.")] = False,
+    set_: SetOption = None,
+    output: Annotated[Path | None, typer.Option("--output", metavar="FILE", help="Write here, not to stdout.")] = None,
+) -> None:
+    """Render a leg's xacro source to URDF+."""
+    from leg_dynamics import description
+
+    if check and (set_ or output):
+        raise typer.BadParameter("--check compares the shipped files; it goes with neither --set nor --output")
+    text = description.render(leg, parameters=_parameters(set_))
+    if check:
+        if leg not in description.shipped_names():
+            raise typer.BadParameter(f"--check is for shipped legs: {', '.join(description.shipped_names())}")
+        shipped = Path(description.shipped_urdf(leg))
+        stored = shipped.read_text(encoding="utf-8") if shipped.is_file() else ""
+        if stored != text:
+            pairs = enumerate(zip(stored.splitlines(), text.splitlines(), strict=False), start=1)
+            shorter = min(len(stored.splitlines()), len(text.splitlines())) + 1
+            line = next((number for number, (old, new) in pairs if old != new), shorter)
+            _complain(f"{shipped}:{line}: stale: differs from its xacro source; render it again")
+            raise typer.Exit(FAILED)
+        print(f"{leg}: up to date")
+    elif output is None:
+        sys.stdout.write(text)
+    else:
+        _write_atomically(output, lambda path: path.write_text(text, encoding="utf-8", newline="\n"))
+        _say_written(output)
+
+
+@_command("torque")
+def torque_leg(
+    leg: LegName,
+    trajectory: TrajectoryOption = None,
+    route: RouteOption = None,
+    compare: Annotated[
+        str | None, typer.Option("--compare", metavar="ROUTE", help="Compute by this route too; exit 1 if they differ.")
+    ] = None,
+    foot_force: Annotated[
+        str | None,
+        typer.Option(
+            "--foot-force", metavar="X,Y,Z", help="N, applied by the environment to the foot, in the hip frame."
+        ),
+    ] = None,
+    force_window: Annotated[
+        str | None, typer.Option("--force-window", metavar="T0,T1", help="When the force acts, s; always if absent.")
+    ] = None,
+    duration: DurationOption = None,
+    rate: RateOption = None,
+    ignore_limits: LimitsOption = False,
+    set_: SetOption = None,
+    foot: FootOption = None,
+    urdf: UrdfOption = None,
+    output: Annotated[Path | None, typer.Option("--output", metavar="F.csv", help="Write the table here.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="F.png", help="Draw it here (png, svg or pdf).")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compute the actuator torques along a trajectory."""
+    for path in (output, plot):
+        _check_writable(path)
+    if plot is not None and plot.suffix.lower() not in PLOT_SUFFIXES:
+        raise typer.BadParameter(f"{plot.name!r} does not end in {', '.join(PLOT_SUFFIXES)}", param_hint="--plot")
+    force = None if foot_force is None else _numbers("--foot-force", foot_force, 3)
+    window = None if force_window is None else _numbers("--force-window", force_window, 2)
+    if window is not None and force is None:
+        raise typer.BadParameter("--force-window needs --foot-force")
+    from leg_dynamics.routes import sibling
+
+    model = _load(leg, route, set_, foot, urdf)
+    motion = _trajectory(model, trajectory, duration, rate, ignore_limits)
+    if force is not None:
+        motion = motion.with_foot_force(force, *(window or (None, None)))
+    efforts = _torque(model, motion)
+    result = _summary(model, motion, efforts)
+    other = None
+    if compare is not None:
+        second = sibling(model, compare)
+        other = _torque(second, motion)
+        result["comparison"] = _comparison(model, second, efforts, other)
+    files: dict[str, str] = {}
+    if output is not None:
+        _write_table(output, model, motion, efforts)
+        files["table"] = str(output)
+    if plot is not None:
+        _write_plot(plot, model, motion, efforts, compare, other)
+        files["plot"] = str(plot)
+    if as_json:
+        _print_json(result | {"files": files})
+    else:
+        _show_summary(result)
+        for path in (output, plot):
+            if path is not None:
+                _say_written(path)
+    if compare is not None and not result["comparison"]["passed"]:
+        _complain(f"error: the routes {model.route} and {compare} disagree")
+        raise typer.Exit(FAILED)
+
+
+@_command("crosscheck")
+def crosscheck_leg(
+    leg: LegName,
+    samples: Annotated[int, typer.Option("--samples", min=1, metavar="N", help="Random states.")] = 1000,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random states.")] = 0,
+    set_: SetOption = None,
+    foot: FootOption = None,
+    urdf: UrdfOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compare the leg's routes with each other and with physical laws; exit 1 if they disagree."""
+    report = _crosscheck(leg, samples, seed, **_load_options(set_, foot, urdf))
+    if as_json:
+        _print_json(report.to_dict())
+    else:
+        _console().print(report)
+    if not report.passed:
+        raise typer.Exit(FAILED)
+
+
+@_command("preview")
+def preview_leg(
+    leg: LegName,
+    trajectory: TrajectoryOption = None,
+    route: RouteOption = None,
+    duration: DurationOption = None,
+    rate: RateOption = None,
+    ignore_limits: LimitsOption = False,
+    set_: SetOption = None,
+    foot: FootOption = None,
+    urdf: UrdfOption = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="F.html", help="Write one self-contained page, not a live view.")
+    ] = None,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Live view: do not open a browser.")] = False,
+) -> None:
+    """Show the moving leg in 3-D: live on this machine, or as one HTML file that plays offline."""
+    from leg_dynamics.preview import show_live, write_html
+
+    _check_writable(html)
+    model = _load(leg, route, set_, foot, urdf)
+    motion = _preview_motion(model, trajectory, duration, rate, ignore_limits)
+    values, trace = _animation(model, motion)
+    if html is not None:
+        title = f"{model.description.name}, {motion.name}"
+        _write_atomically(
+            html, lambda path: write_html(model.description, motion.time, values, path, foot_trace=trace, title=title)
+        )
+        _say_written(html)
+        return
+    view = show_live(model.description, motion.time, values, foot_trace=trace, open_browser=not no_browser, loop=True)
+    print(f"{view.url}  (Ctrl-C ends the view)", flush=True)
+    view.wait()
+
+
+@_command("demo")
+def demo(
+    output: Annotated[Path, typer.Option("--output", metavar="DIR", help="Folder for the results.")] = Path("demo"),
+    samples: Annotated[int, typer.Option("--samples", min=1, metavar="N", help="States of the cross-check.")] = 300,
+) -> None:
+    """Compute the OmniLeg's torques along Xu 2025 eq. (52) by two routes, cross-check them, draw and animate them."""
+    from leg_dynamics.analysis.trajectories import omnileg_eq52
+    from leg_dynamics.preview import write_html
+
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"the folder {output} cannot be made: {error.strerror}; choose another --output") from None
+    console = _console()
+    leg, other = _load("omnileg"), _load("omnileg", route="pinocchio")
+    motion = omnileg_eq52(2.0, 1000.0).with_foot_force((0.0, -20.0, 20.0), 0.0, 1.0)
+    efforts, second = _torque(leg, motion), _torque(other, motion)
+    result = _summary(leg, motion, efforts)
+    result["comparison"] = _comparison(leg, other, efforts, second)
+    _show_summary(result)
+    report = _crosscheck("omnileg", samples, 0)
+    console.print(report)
+
+    table, plot, page = output / "torque.csv", output / "torque.png", output / "preview.html"
+    _write_table(table, leg, motion, efforts)
+    _write_plot(plot, leg, motion, efforts, other.route, second)
+    animation = omnileg_eq52(2.0, 60.0)
+    values, trace = _animation(leg, animation)
+    title = "OmniLeg along Xu 2025 eq. (52)"
+    _write_atomically(
+        page, lambda path: write_html(leg.description, animation.time, values, path, foot_trace=trace, title=title)
+    )
+    for path in (table, plot, page):
+        _say_written(path)
+    if not (report.passed and result["comparison"]["passed"]):
+        _complain("error: the routes disagree; see the tables above")
+        raise typer.Exit(FAILED)
+
+
+# Loading and input.
+
+
+def _load(
+    name: str,
+    route: str | None = None,
+    set_: Sequence[str] | None = None,
+    foot: str | None = None,
+    urdf: Path | None = None,
+) -> Leg:
+    import leg_dynamics
+
+    options = _load_options(set_, foot, urdf)
+    with _error_console().status(f"loading {name}"):
+        return leg_dynamics.load(name, route, **options)
+
+
+def _load_options(set_: Sequence[str] | None, foot: str | None, urdf: Path | None) -> dict[str, Any]:
+    return {"parameters": _parameters(set_), "foot": foot, "urdf": None if urdf is None else str(urdf)}
+
+
+def _parameters(set_: Sequence[str] | None) -> dict[str, float] | None:
+    if not set_:
+        return None
+    parameters: dict[str, float] = {}
+    for text in set_:
+        name, equals, value = text.partition("=")
+        name = name.strip()
+        if not (name and equals):
+            raise typer.BadParameter(f"{text!r} is not NAME=VALUE, such as L1=0.2", param_hint="--set")
+        if name in parameters:
+            raise typer.BadParameter(f"{name} is set twice", param_hint="--set")
+        (parameters[name],) = _numbers("--set", value, 1)
+    return parameters
+
+
+def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
+        what = "one finite number" if count == 1 else f"{count} finite numbers separated by commas"
+        raise typer.BadParameter(f"{text!r} is not {what}", param_hint=option)
+    return numbers
+
+
+def _trajectory(
+    leg: Leg, choice: str | None, duration: float | None, rate: float | None, ignore_limits: bool
+) -> Trajectory:
+    from leg_dynamics.analysis.trajectories import from_csv, named
+
+    names = named(leg.description.name)
+    known = f"named ones of {leg.description.name!r}: {', '.join(names) or 'none'}"
+    if choice is None:
+        if not names:
+            raise TrajectoryError(f"no trajectory is given; pass --trajectory FILE.csv ({known})")
+        choice = next(iter(names))
+    if choice in names:
+        motion = names[choice](duration, 1000.0 if rate is None else rate)
+        if not ignore_limits:
+            motion.check_limits(leg.limits, leg.joint_names, leg.units.joints)
+        return motion
+    if not (choice.lower().endswith(".csv") or Path(choice).exists()):
+        raise TrajectoryError(f"there is neither a trajectory nor a file {choice!r} ({known})")
+    if duration is not None or rate is not None:
+        raise typer.BadParameter("--duration and --rate go with a named trajectory; a file brings its own times")
+    return from_csv(choice, leg, limits="ignore" if ignore_limits else "error")
+
+
+def _preview_motion(
+    leg: Leg, choice: str | None, duration: float | None, rate: float | None, ignore_limits: bool
+) -> Trajectory:
+    import numpy as np
+
+    from leg_dynamics.analysis.trajectories import Trajectory, named
+
+    if choice is None and not named(leg.description.name):
+        home = leg.description.home
+        pose = np.array([[0.0 if home is None else home.values.get(name, 0.0) for name in leg.joint_names]])
+        return Trajectory([0.0], pose, 0.0 * pose, 0.0 * pose, name="home pose")  # type: ignore[arg-type]
+    return _trajectory(leg, choice, duration, 60.0 if rate is None and _is_named(leg, choice) else rate, ignore_limits)
+
+
+def _is_named(leg: Leg, choice: str | None) -> bool:
+    from leg_dynamics.analysis.trajectories import named
+
+    return choice is None or choice in named(leg.description.name)
+
+
+# Computation.
+
+
+def _torque(leg: Leg, motion: Trajectory) -> np.ndarray:
+    import numpy as np
+
+    parts = []
+    for rows in _chunks(len(motion), f"torque, {leg.route}"):
+        force = None if motion.foot_force is None else motion.foot_force[rows]
+        parts.append(leg.torque(motion.q[rows], motion.v[rows], motion.a[rows], foot_force=force))
+    return np.concatenate(parts)
+
+
+def _animation(leg: Leg, motion: Trajectory) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+    """Tree joint coordinates along the motion, and the foot's path in the root frame."""
+    import numpy as np
+
+    from leg_dynamics.description import link_transforms
+
+    parts = [leg.assemble(motion.q[rows]) for rows in _chunks(len(motion), "poses")]
+    values = {joint: np.concatenate([part[joint] for part in parts]) for joint in parts[0]}
+    if leg.foot is None:
+        return values, None
+    return values, link_transforms(leg.description, values)[leg.foot][..., :3, 3]
+
+
+def _mobility(leg: Leg) -> Any:
+    """Mobility report of the leg, by the route that has one; None where no route has."""
+    from leg_dynamics.routes import sibling
+
+    with contextlib.suppress(UnsupportedError), _error_console().status("mobility"):
+        return (leg if leg.route == "pinocchio" else sibling(leg, "pinocchio")).mobility_report()
+    return None
+
+
+def _crosscheck(name: str, samples: int, seed: int, **load_options: Any) -> _Report:
+    from leg_dynamics.verification.crosscheck import crosscheck
+
+    with _progress() as progress:
+        task = progress.add_task("cross-check", total=1.0)
+
+        def step(what: str, share: float) -> None:
+            progress.update(task, description=what, completed=share)
+
+        return crosscheck(name, samples=samples, seed=seed, progress=step, **load_options)
+
+
+def _summary(leg: Leg, motion: Trajectory, efforts: np.ndarray) -> dict[str, Any]:
+    import numpy as np
+
+    peaks = np.abs(efforts).argmax(axis=0)
+    return {
+        "leg": leg.description.name,
+        "route": leg.route,
+        "trajectory": motion.name,
+        "samples": len(motion),
+        "start": float(motion.time[0]),
+        "end": float(motion.time[-1]),
+        "foot_force": None if motion.foot_force is None else FORCE_NOTE,
+        "actuators": [
+            {
+                "name": name,
+                "unit": unit,
+                "peak": float(efforts[peaks[k], k]),
+                "time_of_peak": float(motion.time[peaks[k]]),
+                "rms": float(np.sqrt(np.mean(efforts[:, k] ** 2))),
+            }
+            for k, (name, unit) in enumerate(zip(leg.actuator_names, leg.units.actuators, strict=True))
+        ],
+    }
+
+
+def _comparison(first: Leg, second: Leg, efforts: np.ndarray, other: np.ndarray) -> dict[str, Any]:
+    import numpy as np
+
+    difference = np.abs(efforts - other)
+    relative = difference / (1.0 + np.maximum(np.abs(efforts), np.abs(other)))
+    return {
+        "routes": [first.route, second.route],
+        "largest_difference": float(difference.max()),
+        "largest_relative_difference": float(relative.max()),
+        "tolerance": AGREEMENT,
+        # Written so that a NaN fails.
+        "passed": bool(relative.max() <= AGREEMENT),
+    }
+
+
+# Output.
+
+
+def _show_summary(result: Mapping[str, Any]) -> None:
+    console = _console()
+    _say(
+        f"{result['leg']} along {result['trajectory']}, {result['start']:g} to {result['end']:g} s, "
+        f"{result['samples']} samples, route {result['route']}"
+    )
+    table = _table("", "actuator", "peak", "at", "rms", "unit")
+    for row in result["actuators"]:
+        table.add_row(
+            row["name"], f"{row['peak']:+.6f}", f"{row['time_of_peak']:.3f} s", f"{row['rms']:.6f}", row["unit"]
+        )
+    console.print(table)
+    if result["foot_force"] is not None:
+        _say(result["foot_force"])
+    if "comparison" in result:
+        comparison = result["comparison"]
+        _say(
+            f"largest difference between {' and '.join(comparison['routes'])}: "
+            f"{comparison['largest_difference']:.3g} (relative to 1 + magnitude: "
+            f"{comparison['largest_relative_difference']:.3g}, tolerance {comparison['tolerance']:g}): "
+            f"{'agree' if comparison['passed'] else 'DISAGREE'}"
+        )
+
+
+def _write_table(path: Path, leg: Leg, motion: Trajectory, efforts: np.ndarray) -> None:
+    import numpy as np
+
+    header, columns = ["t [s]"], [motion.time[:, None], motion.q, motion.v, motion.a, efforts]
+    for symbol, suffix in (("q", ""), ("v", "/s"), ("a", "/s^2")):
+        header += [f"{symbol}_{n} [{u}{suffix}]" for n, u in zip(leg.joint_names, leg.units.joints, strict=True)]
+    # ASCII, because spreadsheets guess encodings.
+    header += [f"tau_{n} [{u.replace('·', '*')}]" for n, u in zip(leg.actuator_names, leg.units.actuators, strict=True)]
+    if leg.foot is not None:
+        header += [f"foot_{axis} [m]" for axis in "xyz"]
+        columns.append(leg.foot_position(motion.q))
+    if motion.foot_force is not None:
+        header += [f"foot_force_{axis} [N]" for axis in "xyz"]
+        columns.append(motion.foot_force)
+    rows = np.hstack(columns)
+
+    def write(temporary: Path) -> None:
+        with temporary.open("w", encoding="utf-8", newline="\n") as file:
+            np.savetxt(file, rows, fmt="%.17g", delimiter=",", header=",".join(header), comments="")
+
+    _write_atomically(path, write)
+
+
+def _write_plot(
+    path: Path, leg: Leg, motion: Trajectory, efforts: np.ndarray, route: str | None, other: np.ndarray | None
+) -> None:
+    from leg_dynamics.analysis.plots import torque_figure
+
+    figure = torque_figure(
+        motion,
+        efforts,
+        joint_names=leg.joint_names,
+        units=leg.units.joints,
+        actuator_names=leg.actuator_names,
+        actuator_units=leg.units.actuators,
+        route=leg.route,
+        second_torque=other,
+        second_route=route or "",
+        title=f"{leg.description.name} along {motion.name}",
+    )
+    _write_atomically(path, lambda temporary: figure.savefig(temporary, format=path.suffix.lower().lstrip(".")))
+
+
+def _check_writable(path: Path | None) -> None:
+    """Refuse an output path before the computation, not after it."""
+    if path is None:
+        return
+    if not path.parent.is_dir():
+        raise OutputError(f"the folder {path.parent} of {path.name} does not exist; make it first", path=str(path))
+    if path.is_dir():
+        raise OutputError(f"{path} is a folder; name a file", path=str(path))
+
+
+def _write_atomically(path: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` fill a temporary file beside the target, then put it in place in one step."""
+    _check_writable(path)
+    temporary: Path | None = None
+    try:
+        descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
+        os.close(descriptor)
+        temporary = Path(name)
+        write(temporary)
+        # mkstemp's files are private; a result gets the permissions of any new file.
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o666 & ~mask)
+        temporary.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror or error}", path=str(path)) from error
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+
+
+def _print_json(value: Any) -> None:
+    print(json.dumps(_plain(value), indent=2, allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    """Only what JSON knows: NaN and infinity become null."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
+
+
+def _number(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _table(title: str, *columns: str) -> Any:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title) if title else None, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
+    for column in columns:
+        table.add_column(column)
+    return table
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    # A pipe has no width of its own; 80 would cut tables off.
+    width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
+    return Console(width=width, markup=False, highlight=False, emoji=False)
+
+
+def _error_console() -> Console:
+    from rich.console import Console
+
+    return Console(stderr=True, markup=False, highlight=False)
+
+
+def _progress() -> Any:
+    from rich.progress import Progress
+
+    return Progress(console=_error_console(), transient=True, disable=not sys.stderr.isatty())
+
+
+def _chunks(count: int, what: str) -> Iterator[slice]:
+    """Slices that cover `count` rows, with a progress bar while they are worked on."""
+    with _progress() as progress:
+        task = progress.add_task(what, total=count)
+        for start in range(0, count, CHUNK):
+            yield slice(start, start + CHUNK)
+            progress.update(task, completed=min(count, start + CHUNK))
+
+
+def _say(text: str) -> None:
+    print(text)
+
+
+def _say_written(path: Path) -> None:
+    print(f"wrote {path}")
+
+
+def _complain(text: str) -> None:
+    print(f"leg-dynamics: {' '.join(str(text).split())}", file=sys.stderr)
+
+
+def _version() -> str:
+    from importlib import metadata
+
+    with contextlib.suppress(metadata.PackageNotFoundError):
+        return metadata.version("leg-dynamics")
+    return "(not installed)"
+
+
+_ASCII = {"·": "*", "×": "x", "²": "^2", "°": " deg", "−": "-", "–": "-", "…": "...", "±": "+-", "≤": "<=", "≥": ">="}
+
+
+def _ascii_substitute(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(_ASCII.get(letter, "?") for letter in error.object[error.start : error.end]), error.end
+
+
+def main() -> None:
+    """Run the command line; a terminal that lacks a letter gets an ASCII one in its place."""
+    codecs.register_error("leg_dynamics_ascii", _ascii_substitute)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="leg_dynamics_ascii")
+    try:
+        app()
+    except KeyboardInterrupt:
+        # Before a command has begun.
+        raise SystemExit(INTERRUPTED) from None
+
+
+if __name__ == "__main__":
+    main()

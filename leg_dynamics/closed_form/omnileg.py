@@ -1,0 +1,1063 @@
+"""OmniLeg (Xu et al. 2025): kinematics and dynamics in closed form, equation by equation.
+
+Coordinates are q = (alpha, beta, gamma) in rad: motors M2, M1, M3. All vectors are in the hip frame O0 X0 Y0 Z0, whose
+Z0 points DOWN along the straight leg. Where the paper prints a wrong sign or leaves out a factor, the formula here is
+the corrected one and its docstring says what changed. Equation numbers end the line that states the equation.
+
+The paper's tangents are written with
+
+    D = 1 - sin^2(alpha) sin^2(beta) = cos^2(alpha) + sin^2(alpha) cos^2(beta) = cos^2(beta) + cos^2(alpha) sin^2(beta)
+
+because 1 + tan^2(alpha) + tan^2(beta) = D / (cos^2(alpha) cos^2(beta)). Both forms agree for |alpha|, |beta| < 90 deg;
+beyond, the one with D follows the mechanism continuously, the one with tangents jumps.
+
+Every formula takes Python floats, NumPy arrays or CasADi symbols as components (see `algebra`) and never looks at a
+value. Domain margins are returned as values. Branch numbers and branch names are plain Python and choose the formula.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
+
+from leg_dynamics.closed_form.algebra import (
+    IDENTITY,
+    ZERO,
+    Matrix,
+    Scalar,
+    Vector,
+    acos,
+    add,
+    atan2,
+    cos,
+    cross,
+    determinant,
+    dot,
+    fabs,
+    fmax,
+    fmin,
+    matmul,
+    matvec,
+    negate,
+    rotate_tensor,
+    rotation_x,
+    rotation_y,
+    rotation_z,
+    scale,
+    sign,
+    sin,
+    skew,
+    solve,
+    solve_symmetric,
+    sqrt,
+    subtract,
+    total,
+    transpose,
+    where,
+    where_domain,
+)
+
+if TYPE_CHECKING:
+    from leg_dynamics.description.model import Description
+
+__all__ = [
+    "ARCCOS_TOLERANCE",
+    "BODY_NAMES",
+    "BRANCHES",
+    "JOINT_NAMES",
+    "SINGULARITY_LIMIT",
+    "TREE_JOINT_NAMES",
+    "Angle",
+    "Body",
+    "CentreOfMass",
+    "Dissipation",
+    "InverseKinematics",
+    "Motion",
+    "OmniLeg",
+    "Pose",
+    "Screw",
+    "Turning",
+    "bias",
+    "body_motions",
+    "branch_angles",
+    "branch_motions",
+    "branch_pose",
+    "branch_rotation",
+    "branch_screws",
+    "cardan_angles",
+    "centre_of_mass",
+    "closure_residual",
+    "dissipation_torque",
+    "exponential",
+    "foot_acceleration",
+    "foot_bias_acceleration",
+    "foot_force",
+    "foot_force_torque",
+    "foot_jacobian",
+    "foot_jacobian_derivative",
+    "foot_jacobian_determinant",
+    "foot_position",
+    "foot_second_order_coefficients",
+    "foot_velocity",
+    "forward_dynamics",
+    "from_urdf",
+    "gravity_torque",
+    "inverse_dynamics",
+    "inverse_kinematics",
+    "inverse_kinematics_thigh_up",
+    "joint_axis",
+    "joint_point",
+    "kinetic_energy",
+    "knee_position",
+    "lagrangian",
+    "leg_length_change",
+    "mass_matrix",
+    "passive_angles",
+    "potential_energy",
+    "product_of_exponentials",
+    "shank_motions",
+    "singularity_margins",
+    "transmission_motions",
+    "tree_coefficients",
+    "tree_coordinates",
+    "zero_pose",
+]
+
+JOINT_NAMES = ("alpha", "beta", "gamma")
+BRANCHES = ("gamma_positive", "gamma_negative")
+"""Names of the inverse kinematic solutions, the default first; both have the thigh pointing down."""
+
+ARCCOS_TOLERANCE = 1e-12
+"""Excess over 1 of the arccos argument of (13) that counts as rounding: 1.9e-13 m of leg length at L4 = 95 mm.
+
+At gamma = 0 rounding lifts the argument above 1 in about one pose in twenty, by up to a few 1e-15.
+"""
+
+SINGULARITY_LIMIT = 1e-6
+"""Least usable value of `singularity_margins`; below, rates of passive angles lose more than half of their digits."""
+
+TREE_JOINT_NAMES = (
+    "alpha",
+    "beta",
+    "gamma",
+    "theta12",
+    "theta13",
+    "theta14",
+    "theta22",
+    "theta23",
+    "theta31",
+    "theta32",
+    "theta33",
+    "cardan_A4_y",
+    "cardan_A4_x",
+    "gamma_output",
+    "cardan_B4_y",
+    "gamma_C1",
+    "gamma_C2",
+    "gamma_C3",
+    "phi_D1",
+    "phi_D2",
+    "phi_D3",
+    "epsilon_E1",
+)
+
+BODY_NAMES = (
+    *(f"cross_A{k}" for k in (1, 2, 3)),
+    *(f"rod_A{k}B{k}" for k in (1, 2, 3)),
+    *(f"cross_B{k}" for k in (1, 2, 3)),
+    "knee",
+    "input_shaft",
+    "cross_A4",
+    "shaft_A4B4",
+    "cross_B4",
+    "output_shaft",
+    *(f"driven_gear_{i}" for i in (1, 2, 3)),
+    *(f"link_C{i}D{i}" for i in (1, 2, 3)),
+    *(f"link_D{i}E{i}" for i in (1, 2, 3)),
+    "foot",
+)
+
+
+class Body(NamedTuple):
+    """A rigid body in its own frame (parallel to the hip in the straight pose; chain i is turned by psi_i).
+
+    The frame's origin is the centre of the joint that carries the body: A_k, B_k, C_i, D_i, O0, O0' or P_F.
+    """
+
+    name: str
+    mass: Scalar
+    """kg"""
+    com: Vector
+    """Centre of mass, m."""
+    inertia: Matrix
+    """Full tensor about the centre of mass, kg·m²."""
+
+
+class Dissipation(NamedTuple):
+    """Losses of one tree joint, both along its own angle."""
+
+    joint: str
+    damping: Scalar
+    """Viscous, N·m·s/rad."""
+    friction: Scalar
+    """Coulomb, N·m."""
+
+
+@dataclass(frozen=True)
+class OmniLeg:
+    """Geometry and inertia of an OmniLeg: lengths in m, angles in rad, SI units.
+
+    Scalars may be floats, arrays or CasADi symbols; `dataclasses.replace` makes a changed copy.
+    """
+
+    L1: Scalar
+    """Length of the thigh rods A_k B_k."""
+    L3: Scalar
+    """Distance of the U joints A_k from O0 (and B_k from O0')."""
+    L4: Scalar
+    """Length of each shank link, C_i D_i and D_i E_i."""
+    L5: Scalar
+    """Height of the C plane below O0'."""
+    R_C: Scalar
+    """Radius of the circle of the C_i."""
+    psi: Vector
+    """Directions of the three shank chains about Z0."""
+    bodies: tuple[Body, ...]
+    """The 25 moving bodies, in the order of `BODY_NAMES`."""
+    gravity: Vector = (0.0, 0.0, 9.81)
+    """Acceleration of gravity in the hip frame, m/s²; the default is a level hip, Z0 down."""
+    rotor_inertia: Vector = ZERO
+    """Inertia of the rotors M2, M1, M3 felt at their joints: motor-side inertia times reduction squared, kg·m²."""
+    dissipation: tuple[Dissipation, ...] = ()
+    """The tree joints that have damping or friction; all others are left out."""
+
+    @property
+    def parameters(self) -> Mapping[str, Scalar]:
+        """Named lengths (m) and angles (rad)."""
+        psi = {f"psi_{i}": value for i, value in enumerate(self.psi, 1)}
+        lengths = {"L1": self.L1, "L3": self.L3, "L4": self.L4, "L5": self.L5, "R_C": self.R_C}
+        return MappingProxyType(lengths | psi)
+
+
+# 2 Kinematics: thigh by screws, (1)-(9)
+
+
+class Screw(NamedTuple):
+    """Unit axis omega and moment v = q x omega of a joint, S = (omega, v)."""
+
+    omega: Vector
+    v: Vector
+
+
+class Pose(NamedTuple):
+    """Rotation and position of a moving frame in the hip frame: T = [R P; 0 1]."""
+
+    rotation: Matrix
+    position: Vector
+
+
+def _after(first: Pose, second: Pose) -> Pose:
+    return Pose(matmul(first.rotation, second.rotation), add(first.position, matvec(first.rotation, second.position)))
+
+
+def branch_rotation(k: int) -> Matrix:
+    """Rotation that leads from branch 1 to branch k: about Z0 by -delta, delta = (k - 1) pi/2.
+
+    The matrix is as printed; printed as "rot(Z0, delta)" it is rot(Z0, -delta), and (11) needs it so.
+    """
+    sine, cosine = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0))[k - 1]
+    return (cosine, sine, 0.0), (-sine, cosine, 0.0), (0.0, 0.0, 1.0)  # (5)
+
+
+def joint_axis(k: int, i: int) -> Vector:
+    """Unit axis of joint i = 1..4 of branch k in the straight pose."""
+    omega_1i = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))[i - 1]  # (1)
+    return matvec(branch_rotation(k), omega_1i)  # (6)
+
+
+def joint_point(leg: OmniLeg, k: int, i: int) -> Vector:
+    """Point on the axis of joint i = 1..4 of branch k in the straight pose, m: A_k for 1, 2 and B_k for 3, 4."""
+    q_1i = (0.0, leg.L3, (0.0, 0.0, leg.L1, leg.L1)[i - 1])  # (2)
+    return matvec(branch_rotation(k), q_1i)  # (7)
+
+
+def branch_screws(leg: OmniLeg, k: int) -> tuple[Screw, Screw, Screw, Screw]:
+    """Joint screws S = (omega, q x omega) of branch k in the straight pose."""
+    omega = [joint_axis(k, i) for i in (1, 2, 3, 4)]
+    q = [joint_point(leg, k, i) for i in (1, 2, 3, 4)]
+    s1, s2, s3, s4 = (Screw(w, cross(p, w)) for w, p in zip(omega, q, strict=True))
+    return s1, s2, s3, s4
+
+
+def zero_pose(leg: OmniLeg) -> Pose:
+    """Pose M of the knee frame O0' in the straight pose."""
+    return Pose(IDENTITY, (0.0, 0.0, leg.L1))  # (3)
+
+
+def exponential(screw: Screw, theta: Scalar) -> Pose:
+    """Rigid motion exp(S theta), with Rodrigues' formula for the rotation.
+
+    The paper's e^theta-hat is exp(omega-hat theta).
+    """
+    omega, v = screw
+    hat = skew(omega)
+    hat_squared = matmul(hat, hat)
+    s, c = sin(theta), cos(theta)
+    rotation = tuple(
+        tuple(i + s * h + (1.0 - c) * h2 for i, h, h2 in zip(*rows, strict=True))
+        for rows in zip(IDENTITY, hat, hat_squared, strict=True)
+    )
+    moment = cross(omega, v)
+    translation = add(
+        subtract(moment, matvec(rotation, moment)), scale(dot(omega, v) * theta, omega)
+    )  # (4), third line
+    return Pose(rotation, translation)
+
+
+def product_of_exponentials(screws: tuple[Screw, ...], angles: Vector, zero: Pose) -> Pose:
+    """Forward kinematics of a serial chain: the product of its joints' motions times its zero pose."""
+    pose = zero
+    for screw, angle in zip(reversed(screws), reversed(angles), strict=True):
+        pose = _after(exponential(screw, angle), pose)  # (4)
+    return pose
+
+
+def branch_angles(q: Vector) -> tuple[Vector, Vector, Vector]:
+    """Angles (theta_k1 .. theta_k4) of the three branches that meet at a knee which never rotates, rad."""
+    alpha, beta, _ = q
+    theta12, theta22 = passive_angles(q)
+    return (
+        (beta, theta12, -theta12, -beta),
+        (alpha, theta22, -theta22, -alpha),
+        (-beta, -theta12, theta12, beta),
+    )
+
+
+def branch_pose(leg: OmniLeg, k: int, angles: Vector) -> Pose:
+    """Pose of the knee frame O0' at the end of branch k, from that branch's own four angles."""
+    return product_of_exponentials(branch_screws(leg, k), angles, zero_pose(leg))
+
+
+def closure_residual(leg: OmniLeg, q: Vector) -> Vector:
+    """Difference that T1 = T2 = T3 leaves: 24 numbers, rotations and positions (m) of T2 - T1 and T3 - T1; zero."""
+    one, two, three = (branch_pose(leg, k, angles) for k, angles in enumerate(branch_angles(q), 1))
+    residual: list[Scalar] = []
+    for other in (two, three):
+        for row, reference in zip(other.rotation, one.rotation, strict=True):
+            residual.extend(subtract(row, reference))  # (8)
+        residual.extend(subtract(other.position, one.position))  # (8)
+    return tuple(residual)
+
+
+class _Thigh(NamedTuple):
+    """Sines, cosines and the rod direction r with its derivatives: everything that alpha and beta enter through."""
+
+    sa: Scalar
+    ca: Scalar
+    sb: Scalar
+    cb: Scalar
+    s: Scalar
+    """1 / sqrt(D)"""
+    s2: Scalar
+    """1 / D"""
+    log_s: Vector
+    """Derivatives of ln s."""
+    r: Vector
+    r_a: Vector
+    r_b: Vector
+
+
+def _thigh(q: Vector) -> _Thigh:
+    alpha, beta, _ = q
+    sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
+    # The sum form of D does not cancel near alpha = beta = 90 deg.
+    s2 = 1.0 / (cb * cb + (ca * sb) * (ca * sb))
+    s = sqrt(s2)
+    s3 = s * s2
+    log_s = (s2 * sa * ca * sb * sb, s2 * sa * sa * sb * cb)
+    r = (s * ca * sb, -(s * sa * cb), s * ca * cb)
+    r_a = (-(s3 * sa * sb * cb * cb), -(s3 * ca * cb), -(s3 * sa * cb * cb * cb))
+    r_b = (s3 * ca * cb, s3 * sa * sb * ca * ca, -(s3 * ca * ca * ca * sb))
+    return _Thigh(sa, ca, sb, cb, s, s2, log_s, r, r_a, r_b)
+
+
+def _thigh_second(thigh: _Thigh) -> tuple[Vector, Vector, Vector]:
+    """Second derivatives of the rod direction: r_aa, r_ab, r_bb."""
+    sa, ca, sb, cb, s, s2, (p_a, p_b), _, r_a, r_b = thigh
+    s3 = s * s2
+    m_aa = (-(ca * sb * cb * cb), sa * cb, -(ca * cb * cb * cb))
+    m_ab = (sa * cb * (2.0 * sb * sb - cb * cb), ca * sb, 3.0 * sa * sb * cb * cb)
+    m_bb = (-(ca * sb), sa * cb * ca * ca, -(ca * ca * ca * cb))
+    return (
+        add(scale(s3, m_aa), scale(3.0 * p_a, r_a)),
+        add(scale(s3, m_ab), scale(3.0 * p_b, r_a)),
+        add(scale(s3, m_bb), scale(3.0 * p_b, r_b)),
+    )
+
+
+def _thigh_bias(thigh: _Thigh, v: Vector) -> Vector:
+    """Second time derivative of the rod direction at zero joint acceleration."""
+    r_aa, r_ab, r_bb = _thigh_second(thigh)
+    va, vb, _ = v
+    return total((scale(va * va, r_aa), scale(2.0 * va * vb, r_ab), scale(vb * vb, r_bb)))
+
+
+def knee_position(leg: OmniLeg, q: Vector) -> Vector:
+    """Position of the knee frame's origin O0', m: L1 times the direction of the thigh rods.
+
+    Printed without sin(beta) in the x component.
+    """
+    alpha, beta, _ = q
+    sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
+    root_d = sqrt(cb * cb + (ca * sb) * (ca * sb))
+    return (
+        leg.L1 * ca * sb / root_d,
+        -(leg.L1 * sa * cb) / root_d,
+        leg.L1 * ca * cb / root_d,
+    )  # (9)
+
+
+# 2 Kinematics: shank by geometry and the whole leg, (10)-(14)
+
+
+def leg_length_change(leg: OmniLeg, gamma: Scalar) -> Scalar:
+    """Shortening of the shank, Delta L2, in m."""
+    return 2.0 * leg.L4 - 2.0 * leg.L4 * cos(gamma)  # (10)
+
+
+def foot_position(leg: OmniLeg, q: Vector) -> Vector:
+    """Position P_F of the centre of the foot's E plane, m. It depends on gamma too."""
+    thigh = _thigh(q)
+    x, y, z = scale(leg.L1, thigh.r)
+    return x, y, z + 2.0 * leg.L4 * cos(q[2]) + leg.L5  # (11)
+
+
+def passive_angles(q: Vector) -> tuple[Scalar, Scalar]:
+    """Passive angles theta12 and theta22 of the U joints A1 and A2, rad.
+
+    theta22 is printed without its minus sign; with (5) and (6) branch 2 then misses the knee by centimetres.
+    """
+    alpha, beta, _ = q
+    sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
+    return atan2(sa * cb, ca), -atan2(sb * ca, cb)  # (12)
+
+
+class InverseKinematics(NamedTuple):
+    """Joint angles and how far the request is inside its domain; a negative margin means there is no solution."""
+
+    q: Vector
+    """(alpha, beta, gamma) in rad; NaN where a margin is negative beyond `ARCCOS_TOLERANCE`."""
+    reach_margin: Scalar
+    """L1 minus the horizontal distance of the foot, m."""
+    argument_margin: Scalar
+    """1 minus the absolute value of the arccos argument."""
+    stretch_margin: Scalar
+    """2 L4 minus the shank length that is asked for, m: 2 L4 times `argument_margin`."""
+
+    @property
+    def margin(self) -> Scalar:
+        """The smaller margin in metres; 0 where only rounding within `ARCCOS_TOLERANCE` lifts the argument above 1."""
+        stretch = self.stretch_margin
+        tolerated = where(self.argument_margin >= -ARCCOS_TOLERANCE, fmax(stretch, 0.0), stretch)
+        return where(self.reach_margin < 0.0, self.reach_margin, fmin(self.reach_margin, tolerated))
+
+
+def _inverse_kinematics(leg: OmniLeg, p: Vector, thigh: float, knee: float) -> InverseKinematics:
+    x, y, z = p
+    rho_squared = x * x + y * y
+    height = sqrt(leg.L1 * leg.L1 - rho_squared)
+    argument = (z - leg.L5 - thigh * height) / (2.0 * leg.L4)
+    alpha = atan2(-y, thigh * height)  # (13)
+    beta = atan2(thigh * x, height)  # (13)
+    gamma = knee * acos(where_domain(argument, ARCCOS_TOLERANCE))  # (13)
+    argument_margin = 1.0 - fabs(argument)
+    return InverseKinematics(
+        (alpha, beta, gamma),
+        leg.L1 - sqrt(rho_squared),
+        argument_margin,
+        2.0 * leg.L4 * argument_margin,
+    )
+
+
+def inverse_kinematics(leg: OmniLeg, p: Vector, branch: str = "gamma_positive") -> InverseKinematics:
+    """Joint angles that put the foot at p (m), thigh pointing down.
+
+    Printed with +P_y for alpha, where (11) needs -P_y, and with the bracket of gamma closed too early.
+    Near the straight leg gamma is as ill-conditioned as the mechanism: 1 um of P_z is 0.19 deg at gamma = 0.
+
+    Parameters
+    ----------
+    leg : OmniLeg
+    p : tuple of 3 scalars
+        Foot position in the hip frame, m.
+    branch : {"gamma_positive", "gamma_negative"}
+        Side to which the shank folds.
+    """
+    return _inverse_kinematics(leg, p, 1.0, {"gamma_positive": 1.0, "gamma_negative": -1.0}[branch])
+
+
+def inverse_kinematics_thigh_up(leg: OmniLeg, p: Vector, branch: str = "gamma_positive") -> InverseKinematics:
+    """Return the other solution, thigh pointing UP: |alpha| > 90 deg, outside every limit; for reports only."""
+    return _inverse_kinematics(leg, p, -1.0, {"gamma_positive": 1.0, "gamma_negative": -1.0}[branch])
+
+
+def foot_jacobian(leg: OmniLeg, q: Vector) -> Matrix:
+    """First-order influence coefficients J_vF of the foot, rows x, y, z, columns alpha, beta, gamma; m/rad."""
+    thigh = _thigh(q)
+    column_a, column_b = scale(leg.L1, thigh.r_a), scale(leg.L1, thigh.r_b)
+    column_g = (0.0, 0.0, -(2.0 * leg.L4 * sin(q[2])))
+    return transpose((column_a, column_b, column_g))  # (14)
+
+
+def foot_second_order_coefficients(leg: OmniLeg, q: Vector) -> tuple[Matrix, Matrix, Matrix]:
+    """Second-order influence coefficients: for x, y and z of the foot the symmetric matrix d²P/dq_i dq_j, m/rad²."""
+    second = _thigh_second(_thigh(q))
+    r_aa, r_ab, r_bb = (scale(leg.L1, value) for value in second)
+    z_gg = -(2.0 * leg.L4 * cos(q[2]))
+    x, y, z = (((r_aa[c], r_ab[c], 0.0), (r_ab[c], r_bb[c], 0.0), (0.0, 0.0, (0.0, 0.0, z_gg)[c])) for c in (0, 1, 2))
+    return x, y, z
+
+
+def foot_jacobian_derivative(leg: OmniLeg, q: Vector, v: Vector) -> Matrix:
+    """Time derivative of `foot_jacobian`, m/(rad·s)."""
+    return tuple(matvec(hessian, v) for hessian in foot_second_order_coefficients(leg, q))
+
+
+def foot_bias_acceleration(leg: OmniLeg, q: Vector, v: Vector) -> Vector:
+    """Foot acceleration at zero joint acceleration, Jdot v, m/s²."""
+    x, y, z = scale(leg.L1, _thigh_bias(_thigh(q), v))
+    return x, y, z - 2.0 * leg.L4 * cos(q[2]) * v[2] * v[2]
+
+
+def foot_velocity(leg: OmniLeg, q: Vector, v: Vector) -> Vector:
+    """Foot velocity J v, m/s; the foot does not rotate."""
+    return matvec(foot_jacobian(leg, q), v)  # (14)
+
+
+def foot_acceleration(leg: OmniLeg, q: Vector, v: Vector, a: Vector) -> Vector:
+    """Foot acceleration J a + Jdot v, m/s²: the time derivative of (14)."""
+    return add(matvec(foot_jacobian(leg, q), a), foot_bias_acceleration(leg, q, v))
+
+
+def foot_jacobian_determinant(leg: OmniLeg, q: Vector) -> Scalar:
+    """Determinant of J_vF in m³/rad³: zero only at gamma = 0 (or 180 deg) and where alpha or beta is 90 deg."""
+    alpha, beta, gamma = q
+    ca, sb, cb = cos(alpha), sin(beta), cos(beta)
+    d = cb * cb + (ca * sb) * (ca * sb)
+    ratio = leg.L1 * ca * cb / d
+    return -(2.0 * leg.L4 * sin(gamma)) * ratio * ratio
+
+
+def singularity_margins(leg: OmniLeg, q: Vector) -> Vector:
+    """D, and the squared cosine of the Cardan angle b: the passive angles are undefined where one of them vanishes.
+
+    Both are 1 in the straight pose. Neither gets below 0.09 inside |alpha|, |beta| <= 65 deg.
+    """
+    thigh = _thigh(q)
+    sg, cg = sin(q[2]), cos(q[2])
+    y = cg * thigh.r[1] - sg * thigh.r[0]
+    return 1.0 / thigh.s2, 1.0 - y * y
+
+
+# 3 Dynamics: motion of every body, (15)-(43)
+
+
+class Angle(NamedTuple):
+    """An angle through its sine and cosine, with its rates.
+
+    `first` holds the influence coefficients (derivatives with respect to alpha, beta, gamma), `rate` is first · v, and
+    `second` is the angle's second time derivative at zero joint acceleration.
+    """
+
+    sine: Scalar
+    cosine: Scalar
+    first: Vector
+    rate: Scalar
+    second: Scalar
+
+
+class Turning(NamedTuple):
+    """Rotation of a body: R to the hip frame, columns and value of its angular velocity, and its bias acceleration."""
+
+    rotation: Matrix
+    columns: tuple[Vector, Vector, Vector]
+    """Angular velocity for a unit rate of alpha, beta, gamma."""
+    velocity: Vector
+    """Angular velocity, rad/s."""
+    bias: Vector
+    """Angular acceleration at zero joint acceleration, rad/s²."""
+
+
+class Motion(NamedTuple):
+    """Motion of a body's frame; the columns are first-order influence coefficients, the biases second-order terms."""
+
+    turning: Turning
+    origin: Vector
+    """Position of the frame's origin, m."""
+    columns: tuple[Vector, Vector, Vector]
+    """Velocity of the origin for a unit rate of alpha, beta, gamma, m/rad."""
+    bias: Vector
+    """Acceleration of the origin at zero joint acceleration, m/s²."""
+
+
+class CentreOfMass(NamedTuple):
+    """Motion of a body's centre of mass."""
+
+    position: Vector
+    """m"""
+    columns: tuple[Vector, Vector, Vector]
+    """Velocity for a unit rate of alpha, beta, gamma, m/rad."""
+    bias: Vector
+    """Acceleration at zero joint acceleration, m/s²."""
+
+
+_STILL = (ZERO, ZERO, ZERO)
+_FIXED = Turning(IDENTITY, _STILL, ZERO, ZERO)
+
+
+def _opposite(angle: Angle) -> Angle:
+    return Angle(-angle.sine, angle.cosine, negate(angle.first), -angle.rate, -angle.second)
+
+
+def _own(angle: Scalar, index: int, v: Vector) -> Angle:
+    """One of alpha, beta, gamma themselves."""
+    return Angle(sin(angle), cos(angle), IDENTITY[index], v[index], 0.0)
+
+
+def _turn(parent: Turning, axis: str, angle: Angle) -> Turning:
+    """Rotation of a body hinged to `parent` about its x, y or z axis: angular velocities add up."""
+    index = "xyz".index(axis)
+    about = (rotation_x, rotation_y, rotation_z)[index](angle.sine, angle.cosine)
+    e = transpose(parent.rotation)[index]
+    column_a, column_b, column_g = (
+        add(column, scale(rate, e)) for column, rate in zip(parent.columns, angle.first, strict=True)
+    )
+    return Turning(
+        matmul(parent.rotation, about),
+        (column_a, column_b, column_g),
+        add(parent.velocity, scale(angle.rate, e)),
+        total((parent.bias, scale(angle.second, e), scale(angle.rate, cross(parent.velocity, e)))),
+    )
+
+
+def _shift(base: Motion, lever: Vector) -> CentreOfMass:
+    """Motion of the point of a body at `lever` (hip frame, m) from its frame's origin."""
+    w = base.turning.velocity
+    column_a, column_b, column_g = (
+        add(linear, cross(angular, lever)) for linear, angular in zip(base.columns, base.turning.columns, strict=True)
+    )
+    return CentreOfMass(
+        add(base.origin, lever),
+        (column_a, column_b, column_g),
+        total((base.bias, cross(base.turning.bias, lever), cross(w, cross(w, lever)))),
+    )
+
+
+def centre_of_mass(motion: Motion, com: Vector) -> CentreOfMass:
+    """Position, influence coefficients and bias acceleration of a point `com` given in the body's frame (m)."""
+    lever = matvec(motion.turning.rotation, com)  # (19), (31), (35), (39)
+    return _shift(motion, lever)  # (20), (22), (23), (36), (40), (42), (43)
+
+
+def _rod_angles(thigh: _Thigh, v: Vector) -> tuple[Angle, Angle]:
+    """theta12 and -theta22 with their total differentials, from (12)."""
+    sa, ca, sb, cb, s, s2, (p_a, p_b), _, _, _ = thigh
+    va, vb, _ = v
+    growth = 2.0 * (p_a * va + p_b * vb)
+    first12 = (s2 * cb, -(s2 * sa * ca * sb), 0.0)
+    rate12 = first12[0] * va + first12[1] * vb
+    second12 = growth * rate12 - s2 * vb * (sb * va + (ca * ca - sa * sa) * sb * va + sa * ca * cb * vb)
+    first22 = (-(s2 * sb * cb * sa), s2 * ca, 0.0)
+    rate22 = first22[0] * va + first22[1] * vb
+    second22 = growth * rate22 - s2 * va * (sa * vb + (cb * cb - sb * sb) * sa * vb + sb * cb * ca * va)
+    return (
+        Angle(s * sa * cb, s * ca, first12, rate12, second12),
+        Angle(s * sb * ca, s * cb, first22, rate22, second22),
+    )
+
+
+def _branch_turnings(thigh: _Thigh, q: Vector, v: Vector) -> tuple[tuple[Turning, Turning], tuple[Turning, Turning]]:
+    """Crosses and rods of the branches 1 (and 3, which is its mirror image) and 2."""
+    theta12, minus_theta22 = _rod_angles(thigh, v)
+    cross_1 = _turn(_FIXED, "y", Angle(thigh.sb, thigh.cb, IDENTITY[1], v[1], 0.0))  # (15)
+    rod_1 = _turn(cross_1, "x", theta12)  # (17), (18), (21)
+    cross_2 = _turn(_FIXED, "x", Angle(thigh.sa, thigh.ca, IDENTITY[0], v[0], 0.0))
+    rod_2 = _turn(cross_2, "y", minus_theta22)  # axis -Y by (6)
+    return (cross_1, rod_1), (cross_2, rod_2)
+
+
+def _knee_motion(leg: OmniLeg, thigh: _Thigh, v: Vector) -> Motion:
+    columns = (scale(leg.L1, thigh.r_a), scale(leg.L1, thigh.r_b), ZERO)
+    return Motion(_FIXED, scale(leg.L1, thigh.r), columns, scale(leg.L1, _thigh_bias(thigh, v)))  # (32), (33)
+
+
+def _at(motion: Motion, turning: Turning, offset: Vector) -> Motion:
+    """Motion of a frame that moves with the origin of the non-rotating `motion`, at a constant offset from it."""
+    return Motion(turning, add(motion.origin, offset), motion.columns, motion.bias)
+
+
+def branch_motions(leg: OmniLeg, q: Vector, v: Vector) -> dict[str, Motion]:
+    """Motion of both crosses and the rod of the three thigh branches.
+
+    (16) is printed with -beta' for the cross B1; theta14' = -beta' is the knee relative to the cross, which itself
+    turns with +beta' like the cross A1. Branch 3 turns exactly as branch 1.
+    """
+    thigh = _thigh(q)
+    return _branch_motions(leg, thigh, _branch_turnings(thigh, q, v), _knee_motion(leg, thigh, v))
+
+
+def _branch_motions(
+    leg: OmniLeg,
+    thigh: _Thigh,
+    turnings: tuple[tuple[Turning, Turning], tuple[Turning, Turning]],
+    knee: Motion,
+) -> dict[str, Motion]:
+    motions = {}
+    for k, (cross_turning, rod_turning) in zip((1, 2, 3), (*turnings, turnings[0]), strict=True):
+        centre = joint_point(leg, k, 1)
+        motions[f"cross_A{k}"] = Motion(cross_turning, centre, _STILL, ZERO)  # (15)
+        motions[f"rod_A{k}B{k}"] = Motion(rod_turning, centre, _STILL, ZERO)  # (17)-(23)
+        motions[f"cross_B{k}"] = _at(knee, cross_turning, centre)  # (16)
+    return motions
+
+
+class _Cardan(NamedTuple):
+    a: Angle
+    b: Angle
+
+
+def _cardan(thigh: _Thigh, q: Vector, v: Vector) -> _Cardan:
+    sg, cg = sin(q[2]), cos(q[2])
+    vg = v[2]
+
+    def unwind(u: Vector) -> Vector:
+        return cg * u[0] + sg * u[1], cg * u[1] - sg * u[0], u[2]
+
+    x, y, z = unwind(thigh.r)
+    column_a, column_b, column_g = unwind(thigh.r_a), unwind(thigh.r_b), (y, -x, 0.0)
+    columns = (column_a, column_b, column_g)
+    swing = add(scale(v[0], column_a), scale(v[1], column_b))
+    dx, dy, dz = add(swing, scale(vg, column_g))
+    bx, by, bz = unwind(_thigh_bias(thigh, v))
+    ddx = bx + vg * (2.0 * swing[1] - vg * x)
+    ddy = by - vg * (2.0 * swing[0] + vg * y)
+    ddz = bz
+    c2 = x * x + z * z
+    c = sqrt(c2)
+    a_first = tuple((z * u[0] - x * u[2]) / c2 for u in columns)
+    a_rate = (z * dx - x * dz) / c2
+    a_second = (z * ddx - x * ddz - 2.0 * a_rate * (x * dx + z * dz)) / c2
+    b_first = tuple(-u[1] / c for u in columns)
+    b_rate = -dy / c
+    b_second = -(ddy + y * b_rate * b_rate) / c
+    return _Cardan(Angle(x / c, z / c, a_first, a_rate, a_second), Angle(-y, c, b_first, b_rate, b_second))
+
+
+def cardan_angles(q: Vector) -> tuple[Scalar, Scalar]:
+    """Angles a, b of the U joint A4 (and of B4), rad: Rz(gamma) Ry(a) Rx(b) turns Z0 into the rod direction r.
+
+    a = atan2(r'x, r'z) and b = asin(-r'y) with r' = Rz(-gamma) r.
+    """
+    sg, cg = sin(q[2]), cos(q[2])
+    x, y, z = _thigh(q).r
+    rx, ry = cg * x + sg * y, cg * y - sg * x
+    return atan2(rx, z), atan2(-ry, sqrt(rx * rx + z * z))
+
+
+def transmission_motions(leg: OmniLeg, q: Vector, v: Vector) -> dict[str, Motion]:
+    """Motion of the input shaft, the Cardan shaft with its two crosses, and the output shaft: exact.
+
+    The paper replaces (26), (27) and (29) by [0, beta', gamma'] and by the rod's angular velocity plus gamma' about
+    Z0. The true crosses and shaft follow the U joints A4 and B4; the output shaft then turns exactly as the input one.
+    """
+    thigh = _thigh(q)
+    return _transmission_motions(thigh, q, v, _knee_motion(leg, thigh, v))
+
+
+def _transmission_motions(thigh: _Thigh, q: Vector, v: Vector, knee: Motion) -> dict[str, Motion]:
+    a, b = _cardan(thigh, q, v)
+    shaft = _turn(_FIXED, "z", _own(q[2], 2, v))  # (24)
+    cross_4 = _turn(shaft, "y", a)  # (26), (27)
+    rod_4 = _turn(cross_4, "x", b)  # (29)
+    return {
+        "input_shaft": Motion(shaft, ZERO, _STILL, ZERO),  # (24), (25)
+        "cross_A4": Motion(cross_4, ZERO, _STILL, ZERO),  # (26), (28)
+        "shaft_A4B4": Motion(rod_4, ZERO, _STILL, ZERO),  # (29)-(31)
+        "cross_B4": _at(knee, cross_4, ZERO),  # (27)
+        "output_shaft": _at(knee, shaft, ZERO),  # (24)
+    }
+
+
+def shank_motions(leg: OmniLeg, q: Vector, v: Vector) -> dict[str, Motion]:
+    """Motion of the driven gears, the links C_i D_i and D_i E_i, and the foot.
+
+    gamma turns C_i D_i about the outward radial axis X_Ci; phi = -2 gamma turns D_i E_i relative to it.
+    """
+    return _shank_motions(leg, q, v, _knee_motion(leg, _thigh(q), v))
+
+
+def _shank_motions(leg: OmniLeg, q: Vector, v: Vector, knee: Motion) -> dict[str, Motion]:
+    gamma = _own(q[2], 2, v)
+    motions = {}
+    for i, psi in enumerate(leg.psi, 1):
+        s, c = sin(psi), cos(psi)
+        chain = Turning(rotation_z(s, c), _STILL, ZERO, ZERO)
+        upper = _turn(chain, "x", gamma)  # (34), (41)
+        lower = _turn(chain, "x", _opposite(gamma))  # (37): gamma + phi = -gamma
+        at_c = _at(knee, upper, (leg.R_C * c, leg.R_C * s, leg.L5))
+        at_d = _shift(at_c, matvec(upper.rotation, (0.0, 0.0, leg.L4)))  # (38)
+        motions[f"driven_gear_{i}"] = at_c
+        motions[f"link_C{i}D{i}"] = at_c  # (34)-(36), (41)-(43)
+        motions[f"link_D{i}E{i}"] = Motion(lower, *at_d)  # (37)-(43)
+    below = (0.0, 0.0, leg.L5 + 2.0 * leg.L4 * gamma.cosine)
+    columns = (knee.columns[0], knee.columns[1], (0.0, 0.0, -(2.0 * leg.L4 * gamma.sine)))
+    fall = (0.0, 0.0, -(2.0 * leg.L4 * gamma.cosine * v[2] * v[2]))
+    motions["foot"] = Motion(_FIXED, add(knee.origin, below), columns, add(knee.bias, fall))  # (14)
+    return motions
+
+
+def body_motions(leg: OmniLeg, q: Vector, v: Vector) -> dict[str, Motion]:
+    """Motion of the frames of all 25 moving bodies, keyed by body name."""
+    thigh = _thigh(q)
+    knee = _knee_motion(leg, thigh, v)
+    return {
+        **_branch_motions(leg, thigh, _branch_turnings(thigh, q, v), knee),
+        "knee": knee,
+        **_transmission_motions(thigh, q, v, knee),
+        **_shank_motions(leg, q, v, knee),
+    }
+
+
+def tree_coordinates(leg: OmniLeg, q: Vector) -> dict[str, Scalar]:
+    """Angles of all 22 tree joints at which every loop closes and every gear pair meshes, rad."""
+    alpha, beta, gamma = q
+    theta12, theta22 = passive_angles(q)
+    a, b = cardan_angles(q)
+    return {
+        "alpha": alpha,
+        "beta": beta,
+        "gamma": gamma,
+        "theta12": theta12,
+        "theta13": -theta12,
+        "theta14": -beta,
+        "theta22": theta22,
+        "theta23": -theta22,
+        "theta31": -beta,
+        "theta32": -theta12,
+        "theta33": theta12,
+        "cardan_A4_y": a,
+        "cardan_A4_x": b,
+        "gamma_output": gamma,
+        "cardan_B4_y": a,
+        "gamma_C1": gamma,
+        "gamma_C2": gamma,
+        "gamma_C3": gamma,
+        "phi_D1": -2.0 * gamma,
+        "phi_D2": -2.0 * gamma,
+        "phi_D3": -2.0 * gamma,
+        "epsilon_E1": gamma,
+    }
+
+
+def tree_coefficients(leg: OmniLeg, q: Vector) -> dict[str, Vector]:
+    """First-order influence coefficients of the 22 tree joints: derivatives by alpha, beta and gamma."""
+    thigh = _thigh(q)
+    theta12, minus_theta22 = (angle.first for angle in _rod_angles(thigh, ZERO))
+    a, b = (angle.first for angle in _cardan(thigh, q, ZERO))
+    alpha, beta, gamma = IDENTITY
+    return {
+        "alpha": alpha,
+        "beta": beta,
+        "gamma": gamma,
+        "theta12": theta12,
+        "theta13": negate(theta12),
+        "theta14": negate(beta),
+        "theta22": negate(minus_theta22),
+        "theta23": minus_theta22,
+        "theta31": negate(beta),
+        "theta32": negate(theta12),
+        "theta33": theta12,
+        "cardan_A4_y": a,
+        "cardan_A4_x": b,
+        "gamma_output": gamma,
+        "cardan_B4_y": a,
+        "gamma_C1": gamma,
+        "gamma_C2": gamma,
+        "gamma_C3": gamma,
+        "phi_D1": scale(-2.0, gamma),
+        "phi_D2": scale(-2.0, gamma),
+        "phi_D3": scale(-2.0, gamma),
+        "epsilon_E1": gamma,
+    }
+
+
+# 3 Dynamics: Lagrange, (44)-(46)
+
+
+def kinetic_energy(leg: OmniLeg, q: Vector, v: Vector) -> Scalar:
+    """Kinetic energy of the 25 bodies and the rotors, J. The tensor of (44) is R I R^T, about the centre of mass."""
+    energy: Scalar = 0.0
+    motions = body_motions(leg, q, v)
+    for body in leg.bodies:
+        motion = motions[body.name]
+        w = motion.turning.velocity
+        velocity = matvec(transpose(centre_of_mass(motion, body.com).columns), v)
+        tensor = rotate_tensor(motion.turning.rotation, body.inertia)
+        energy = energy + 0.5 * dot(w, matvec(tensor, w)) + 0.5 * body.mass * dot(velocity, velocity)  # (44)
+    for inertia, rate in zip(leg.rotor_inertia, v, strict=True):
+        energy = energy + 0.5 * inertia * rate * rate
+    return energy
+
+
+def potential_energy(leg: OmniLeg, q: Vector, gravity: Vector) -> Scalar:
+    """Potential energy -sum m g · c, J, zero at O0.
+
+    (44) writes m g P with P a height; Z0 points down, so that P_z itself would have the wrong sign.
+    """
+    energy: Scalar = 0.0
+    motions = body_motions(leg, q, ZERO)
+    for body in leg.bodies:
+        energy = energy - body.mass * dot(gravity, centre_of_mass(motions[body.name], body.com).position)  # (44)
+    return energy
+
+
+def lagrangian(leg: OmniLeg, q: Vector, v: Vector, gravity: Vector) -> Scalar:
+    """L = K - P, J."""
+    return kinetic_energy(leg, q, v) - potential_energy(leg, q, gravity)
+
+
+def mass_matrix(leg: OmniLeg, q: Vector) -> Matrix:
+    """Inertia matrix M of (46), kg·m²: sum over bodies of m v_i · v_j + w_i · I w_j, plus the rotors."""
+    motions = body_motions(leg, q, ZERO)
+    upper: dict[tuple[int, int], Scalar] = {(i, j): 0.0 for i in range(3) for j in range(i, 3)}
+    for body in leg.bodies:
+        motion = motions[body.name]
+        angular = motion.turning.columns
+        linear = centre_of_mass(motion, body.com).columns
+        tensor = rotate_tensor(motion.turning.rotation, body.inertia)
+        momenta = tuple(matvec(tensor, w) for w in angular)
+        for (i, j), value in upper.items():
+            upper[i, j] = value + body.mass * dot(linear[i], linear[j]) + dot(angular[i], momenta[j])  # (46)
+    for i in range(3):
+        upper[i, i] = upper[i, i] + leg.rotor_inertia[i]
+    return tuple(tuple(upper[min(i, j), max(i, j)] for j in range(3)) for i in range(3))
+
+
+def dissipation_torque(leg: OmniLeg, q: Vector, v: Vector) -> Vector:
+    """Torque that overcomes damping and Coulomb friction of the tree joints, N·m; zero friction at rest."""
+    if not leg.dissipation:
+        return ZERO
+    coefficients = tree_coefficients(leg, q)
+    torque: Vector = ZERO
+    for joint, damping, friction in leg.dissipation:
+        first = coefficients[joint]
+        rate = dot(first, v)
+        torque = add(torque, scale(damping * rate + friction * sign(rate), first))
+    return torque
+
+
+def inverse_dynamics(leg: OmniLeg, q: Vector, v: Vector, a: Vector, gravity: Vector) -> Vector:
+    """Joint torques of (45) without a foot force, N·m: M a + V + G, plus rotors, damping and friction.
+
+    This is (45) with the chain rule carried out: with w = sum w_i v_i and c' = sum v_i v_i (influence coefficients),
+    d/dt dL/dv_i - dL/dq_i = sum over bodies of m v_i · (c'' - g) + w_i · (I w' + w x I w), where I = R I_body R^T.
+
+    Parameters
+    ----------
+    leg : OmniLeg
+    q, v, a : tuples of 3 scalars
+        Angles (rad), velocities (rad/s) and accelerations (rad/s²) of alpha, beta, gamma.
+    gravity : tuple of 3 scalars
+        Acceleration of gravity in the hip frame, m/s².
+    """
+    torque = add(
+        dissipation_torque(leg, q, v), tuple(inertia * a_i for inertia, a_i in zip(leg.rotor_inertia, a, strict=True))
+    )
+    motions = body_motions(leg, q, v)
+    for body in leg.bodies:
+        motion = motions[body.name]
+        angular, w = motion.turning.columns, motion.turning.velocity
+        centre = centre_of_mass(motion, body.com)
+        tensor = rotate_tensor(motion.turning.rotation, body.inertia)
+        acceleration = add(matvec(transpose(centre.columns), a), centre.bias)
+        angular_acceleration = add(matvec(transpose(angular), a), motion.turning.bias)
+        force = scale(body.mass, subtract(acceleration, gravity))
+        moment = add(matvec(tensor, angular_acceleration), cross(w, matvec(tensor, w)))
+        torque = tuple(
+            t + dot(linear_i, force) + dot(angular_i, moment)
+            for t, linear_i, angular_i in zip(torque, centre.columns, angular, strict=True)
+        )  # (45)
+    return torque
+
+
+def bias(leg: OmniLeg, q: Vector, v: Vector, gravity: Vector) -> Vector:
+    """V + G of (46), and the torque that overcomes damping and friction: `inverse_dynamics` at a = 0, N·m."""
+    return inverse_dynamics(leg, q, v, ZERO, gravity)  # (46)
+
+
+def gravity_torque(leg: OmniLeg, q: Vector, gravity: Vector) -> Vector:
+    """G of (46): joint torques that hold the leg still against gravity, N·m."""
+    motions = body_motions(leg, q, ZERO)
+    torque: Vector = ZERO
+    for body in leg.bodies:
+        weight = scale(body.mass, gravity)
+        columns = centre_of_mass(motions[body.name], body.com).columns
+        torque = tuple(t - dot(column, weight) for t, column in zip(torque, columns, strict=True))  # (46)
+    return torque
+
+
+def forward_dynamics(leg: OmniLeg, q: Vector, v: Vector, torque: Vector, gravity: Vector) -> Vector:
+    """Joint accelerations (rad/s²) under joint torques (N·m), without a foot force: (46) solved for them."""
+    return solve_symmetric(mass_matrix(leg, q), subtract(torque, bias(leg, q, v, gravity)))
+
+
+# 3 Dynamics: foot force, (47)-(50). Here a foot force is the one that the ENVIRONMENT applies to the FOOT:
+# torque = M a + V + G - J^T F. The paper adds J^T F_f in (49) and (50), so its F_f is what the foot exerts.
+
+
+def foot_force_torque(leg: OmniLeg, q: Vector, force: Vector) -> Vector:
+    """Part of the joint torques that a force on the foot (N) causes, -J^T F, N·m.
+
+    (49) and (50) have the opposite sign, because their F_f is the force that the foot exerts.
+    """
+    return negate(matvec(transpose(foot_jacobian(leg, q)), force))  # (50)
+
+
+def foot_force(leg: OmniLeg, q: Vector, v: Vector, a: Vector, torque: Vector, gravity: Vector) -> tuple[Vector, Scalar]:
+    """Force that the environment applies to the foot (N) while `torque` (N·m) drives the motion, and det J.
+
+    F = J^-T (M a + V + G - torque); the paper's (47) and (48) give its opposite. There is no J^-T where det J
+    vanishes, which is at gamma = 0, the paper's own initial pose: look at the second result.
+    """
+    jacobian = foot_jacobian(leg, q)
+    missing = subtract(inverse_dynamics(leg, q, v, a, gravity), torque)
+    return solve(transpose(jacobian), missing), determinant(jacobian)  # (47), (48)
+
+
+def from_urdf(description: Description, *, tolerance: float = 1e-9) -> OmniLeg:
+    """Take the leg's geometry and inertia from a URDF+ description, exactly, and check every assumption made here.
+
+    Any frame convention will do, as long as links and joints have the shipped file's names and the zero pose is the
+    straight leg: poses come from yourdfpy's forward kinematics, and links fixed to a body are merged into it.
+
+    Parameters
+    ----------
+    description : Description
+        A validated description; yourdfpy reads its text, loops, couplings and transmissions are its own.
+    tolerance : float
+        Greatest deviation from an assumption, m or rad.
+
+    Returns
+    -------
+    OmniLeg
+
+    Raises
+    ------
+    FormulaAssumptionError
+        With `element`, `found`, `expected` and `tolerance`, where the file is not the mechanism of the formulas.
+    """
+    from leg_dynamics.closed_form import _omnileg_file
+
+    return _omnileg_file.read(description, tolerance)

@@ -1,0 +1,267 @@
+"""Named design parameters: the YAML file beside a xacro source, the arguments it declares, and new values for both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+from leg_dynamics.description.model import Parameter
+from leg_dynamics.description.xml_reader import Document, Node, nearest, read_root
+from leg_dynamics.errors import ParameterError, RenderError
+
+__all__ = ["Overrides", "declared_arguments", "load_parameters", "parameters_file", "parameters_of", "read_text"]
+
+_ARGUMENT = "parameters"  # the xacro argument that names the YAML file
+
+
+def read_text(path: Path, document: Document) -> str:
+    """A file's text.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        An UTF-8 file.
+    document : Document
+        Its name, for errors.
+
+    Returns
+    -------
+    str
+        The decoded text.
+
+    Raises
+    ------
+    DescriptionError
+        Where the file cannot be read or is not UTF-8, with the line of the first bad byte.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise document.error(f"the file cannot be read: {error.strerror}") from error
+    try:
+        return data.decode()
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise document.error(
+            f"the file is not UTF-8: byte {data[error.start]:#04x} at offset {error.start}; save it as UTF-8", line
+        ) from None
+
+
+def declared_arguments(path: Path) -> dict[str, Node]:
+    """The ``<xacro:arg>`` elements of a xacro file and of the files it includes by a literal name.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The xacro file.
+
+    Returns
+    -------
+    dict of str to Node
+        By argument name; the first declaration counts, as in xacro.
+
+    Raises
+    ------
+    RenderError
+        Where one of the files is malformed.
+    UnsafeXmlError
+        Where one of them has a document type.
+    """
+    arguments: dict[str, Node] = {}
+    pending, seen = [path], set()
+    while pending:
+        file = pending.pop()
+        seen.add(file.resolve())
+        document = Document(str(file), kind=RenderError)
+        for node in read_root(read_text(file, document), document).walk():
+            if node.tag == "xacro:arg" and "name" in node.attributes:
+                arguments.setdefault(node.attributes["name"], node)
+            elif node.tag == "xacro:include":
+                included = file.parent / node.attributes.get("filename", "")
+                if included.is_file() and included.resolve() not in seen:  # else xacro says what is wrong
+                    pending.append(included)
+    return arguments
+
+
+def parameters_file(arguments: Mapping[str, Node]) -> Path | None:
+    """The YAML file that the argument ``parameters`` names by default, or None where there is no such argument.
+
+    Parameters
+    ----------
+    arguments : mapping of str to Node
+        From `declared_arguments`.
+
+    Returns
+    -------
+    pathlib.Path or None
+        An existing file.
+
+    Raises
+    ------
+    RenderError
+        Where the file named there does not exist.
+    """
+    node = arguments.get(_ARGUMENT)
+    default = "" if node is None else node.attributes.get("default", "")
+    if node is None or not default.endswith((".yaml", ".yml")) or "$" in default:
+        return None
+    file = Path(node.document.file).parent / default
+    if not file.is_file():
+        raise node.error(f"the parameters file {default!r} does not exist beside the xacro file")
+    return file
+
+
+def load_parameters(file: Path) -> tuple[dict[str, Any], dict[str, Parameter]]:
+    """A parameters YAML file: one mapping a parameter, ``L1: {value: 0.15, unit: m, source: "Table 2"}``.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The YAML file.
+
+    Returns
+    -------
+    tuple of two dicts
+        The YAML data as it stands, and the parameters by name.
+
+    Raises
+    ------
+    ParameterError
+        Where the file is malformed, names a parameter twice, or gives one no finite number; with file and line.
+    """
+    import yaml
+
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    text = read_text(file, Document(str(file)))
+    try:
+        top, data = yaml.compose(text, Loader=loader), yaml.load(text, Loader=loader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f"{file}:{mark.line + 1}" if mark else str(file)
+        raise ParameterError(f"{place}: malformed YAML: {getattr(error, 'problem', error)}", file=str(file)) from None
+    if not isinstance(data, dict):
+        raise ParameterError(f"{file}: the file must map parameter names to mappings", file=str(file))
+    parameters: dict[str, Parameter] = {}
+    for key_node, _ in top.value:
+        name = str(key_node.value)
+        place = f"{file}:{key_node.start_mark.line + 1}"
+        if name in parameters:
+            raise ParameterError(f"{place}: parameter {name!r} is defined twice", name=name, file=str(file))
+        parameters[name] = _parameter(name, data.get(name), place)
+    return data, parameters
+
+
+def _parameter(name: str, entry: Any, place: str) -> Parameter:
+    if not isinstance(entry, dict) or "value" not in entry:
+        raise ParameterError(f"{place}: parameter {name!r} must be a mapping with a value", name=name)
+    value = entry["value"]
+    if not _is_finite_number(value):
+        hint = "; YAML reads 1e-3 as text, write 1.0e-3" if isinstance(value, str) else ""
+        raise ParameterError(f"{place}: parameter {name!r} is no finite number: {value!r}{hint}", name=name)
+    texts = (str(entry.get(key) or "") for key in ("unit", "source", "description"))
+    return Parameter(name, float(value), *texts)
+
+
+def _is_finite_number(value: object) -> bool:
+    try:
+        return not isinstance(value, bool) and isinstance(value, Real) and math.isfinite(value)
+    except OverflowError:  # an int beyond the range of float
+        return False
+
+
+class Overrides:
+    """New parameter values for one xacro file, sorted into YAML entries and xacro arguments.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The xacro file.
+    values : mapping of str to float or None
+        New values by name.
+
+    Raises
+    ------
+    ParameterError
+        Where a name is neither in the YAML file nor a declared argument, or a value is no finite number.
+    RenderError
+        Where the xacro file is malformed.
+    """
+
+    def __init__(self, path: Path, values: Mapping[str, float] | None) -> None:
+        arguments = declared_arguments(path)
+        self.file = parameters_file(arguments)
+        self.data, self.parameters = ({}, {}) if self.file is None else load_parameters(self.file)
+        self.in_yaml: dict[str, float] = {}
+        self.arguments: dict[str, str] = {}
+        settable = [*self.parameters, *(name for name in arguments if name != _ARGUMENT or self.file is None)]
+        for name, value in (values or {}).items():
+            if name not in settable:
+                raise ParameterError(
+                    f"{path.name} has no parameter {name!r}{nearest(str(name), settable)} "
+                    f"(it has {', '.join(settable) or 'none'})",
+                    name=name,
+                    known=tuple(settable),
+                )
+            if not _is_finite_number(value):
+                raise ParameterError(f"parameter {name!r} must be a finite number, got {value!r}", name=name)
+            if name in self.parameters:
+                self.in_yaml[name] = float(value)
+            else:
+                self.arguments[name] = repr(int(value) if float(value).is_integer() else float(value))
+
+    def effective(self) -> dict[str, Parameter]:
+        """The YAML file's parameters with the new values in place."""
+        changed = {name: replace(self.parameters[name], value=value) for name, value in self.in_yaml.items()}
+        return {**self.parameters, **changed}
+
+    def write_yaml(self, folder: Path) -> Path:
+        """Write a copy of the YAML file with the new values, under its own name.
+
+        Parameters
+        ----------
+        folder : pathlib.Path
+            Where to write it.
+
+        Returns
+        -------
+        pathlib.Path
+            The copy.
+        """
+        import yaml
+
+        assert self.file is not None
+        data = dict(self.data)
+        for name, value in self.in_yaml.items():
+            # A count stays an int: xacro cannot range() over 3.0.
+            counts = isinstance(data[name]["value"], int) and value.is_integer()
+            data[name] = {**data[name], "value": int(value) if counts else value}
+        copy = folder / self.file.name
+        copy.write_text(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), encoding="utf-8")
+        return copy
+
+
+def parameters_of(path: Path, values: Mapping[str, float] | None) -> dict[str, Parameter]:
+    """The parameters of a xacro file after overrides; empty where it has no parameters file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The xacro file.
+    values : mapping of str to float or None
+        Overrides.
+
+    Returns
+    -------
+    dict of str to Parameter
+        In file order.
+
+    Raises
+    ------
+    ParameterError, RenderError
+        As `Overrides`.
+    """
+    return Overrides(path, values).effective()

@@ -1,0 +1,83 @@
+"""`read`: a shipped name, a file or XML text to a description."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from leg_dynamics.description.model import Description, Parameter
+from leg_dynamics.description.parameters import parameters_of
+from leg_dynamics.description.parse import build
+from leg_dynamics.description.render import read_text, render, rendered_name
+from leg_dynamics.description.shipped import existing_file, shipped_urdf, shipped_xacro
+from leg_dynamics.description.xml_reader import Document
+from leg_dynamics.errors import LegNotFoundError, ParameterError
+
+__all__ = ["read"]
+
+
+def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | None = None) -> Description:
+    """Read and validate a mechanism.
+
+    Parameters
+    ----------
+    source : str or path-like
+        A shipped name, the path of a ``.urdf`` or ``.xacro`` file, or XML text (it starts with ``<``). Plain URDF is
+        data; a ``.xacro`` file runs the Python expressions in it, see `render`.
+    parameters : mapping of str to float, optional
+        New values of named parameters; only for a shipped name or a ``.xacro`` file, which is rendered with them.
+
+    Returns
+    -------
+    Description
+        The validated mechanism. `parameters` holds the values it was made with, where they are known.
+
+    Raises
+    ------
+    LegNotFoundError
+        Where there is no such name or file.
+    DescriptionError
+        Where the file is wrong, with file and line; `RenderError` and `UnsafeXmlError` are kinds of it.
+    ParameterError
+        Where a parameter does not exist, is no finite number, or cannot apply to this kind of source.
+    """
+    if isinstance(source, str) and source.removeprefix("\ufeff").lstrip().startswith("<"):
+        _refuse_parameters(parameters, "XML text")
+        return build(source, Document())
+    path = existing_file(source)
+    if path is None:
+        name = os.fspath(source)
+        if not parameters:
+            return _read_shipped(name)
+        path = shipped_xacro(name)
+    if path.name.endswith(".xacro"):
+        text = render(path, parameters)
+        return build(text, Document(rendered_name(path), source=str(path)), parameters_of(path, parameters))
+    _refuse_parameters(parameters, f"the plain file {path}")
+    document = Document(str(path))
+    return build(read_text(path, document), document)
+
+
+def _read_shipped(name: str) -> Description:
+    """A shipped mechanism from its rendered file, which a test keeps equal to its source."""
+    path = shipped_urdf(name)
+    document = Document(str(path))
+    return build(read_text(path, document), document, _shipped_parameters(name))
+
+
+def _shipped_parameters(name: str) -> Mapping[str, Parameter]:
+    try:
+        source: Path = shipped_xacro(name)
+    except LegNotFoundError:
+        return {}
+    return parameters_of(source, None)
+
+
+def _refuse_parameters(parameters: Mapping[str, float] | None, what: str) -> None:
+    if parameters:
+        raise ParameterError(
+            f"parameters {', '.join(map(str, parameters))} cannot be set: {what} has none; use a shipped name or a "
+            ".xacro file",
+            parameters=dict(parameters),
+        )

@@ -1,0 +1,179 @@
+"""The checks that need the whole file: the tree, mimics, couplings, actuators, and physically possible inertia."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from leg_dynamics.description.model import Description, Joint, Link
+from leg_dynamics.description.topology import coupling_equation, coupling_paths
+from leg_dynamics.description.xml_reader import Document, nearest
+
+__all__ = ["validate"]
+
+_INERTIA_TOLERANCE = 1e-9  # relative to the largest principal moment: the rounding of a printed tensor
+
+
+def validate(description: Description, document: Document) -> None:
+    """Check what a single element cannot show; its references are known to exist.
+
+    Parameters
+    ----------
+    description : Description
+        What the elements say.
+    document : Document
+        File name and source, for errors.
+
+    Raises
+    ------
+    DescriptionError
+        For the first problem found, with file and line.
+
+    Warns
+    -----
+    LegDynamicsWarning
+        For every link whose inertia no rigid body can have.
+    """
+    check_tree(description, document)
+    check_mimics(description, document)
+    check_couplings(description, document)
+    check_transmissions(description, document)
+    warn_about_inertia(description, document)
+
+
+def check_tree(description: Description, document: Document) -> None:
+    """Every link has one parent joint, except the one root from which all are reached."""
+    parent_joint: dict[str, Joint] = {}
+    for joint in description.joints:
+        if joint.parent == joint.child:
+            raise document.error(f"joint {joint.name!r} joins link {joint.child!r} to itself", joint.line)
+        if (other := parent_joint.get(joint.child)) is not None:
+            raise document.error(
+                f"link {joint.child!r} has two parents: it is the child of joint {other.name!r} (line {other.line}) "
+                f"and of joint {joint.name!r}; close a loop with <loop>",
+                joint.line,
+            )
+        parent_joint[joint.child] = joint
+    check_no_cycle(description.links, parent_joint, document)
+    roots = [link for link in description.links if link.name not in parent_joint]
+    if len(roots) > 1:
+        names = ", ".join(repr(link.name) for link in roots[:5]) + (", ..." if len(roots) > 5 else "")
+        raise document.error(
+            f"the tree is disconnected: {len(roots)} links have no parent joint ({names}), one must be the root",
+            roots[1].line,
+        )
+
+
+def check_no_cycle(links: tuple[Link, ...], parent_joint: dict[str, Joint], document: Document) -> None:
+    """No link is its own ancestor."""
+    reaches_root: set[str] = set()
+    for link in links:
+        name = link.name
+        trail: dict[str, Joint] = {}
+        while name in parent_joint and name not in reaches_root:
+            if name in trail:
+                cycle = list(trail)[list(trail).index(name) :]
+                shown = " <- ".join(map(repr, [*cycle[:6], *(["..."] if len(cycle) > 6 else []), name]))
+                raise document.error(f"parents form a cycle: {shown}; close a loop with <loop>", trail[name].line)
+            trail[name] = parent_joint[name]
+            name = trail[name].parent
+        reaches_root.update(trail)
+
+
+def check_mimics(description: Description, document: Document) -> None:
+    """A mimicked joint exists, has one coordinate, and does not lead back to the joint itself."""
+    joints = {joint.name: joint for joint in description.joints}
+    settled: set[str] = set()
+    for joint in description.joints:
+        trail: list[str] = []
+        current = joint
+        while current.mimic is not None and current.name not in settled:
+            if current.name in trail:
+                raise document.error(
+                    f"mimic joints form a cycle: {' -> '.join(map(repr, [*trail, current.name]))}", joint.line
+                )
+            trail.append(current.name)
+            check_mimic(current, current.mimic.joint, joints, document)
+            current = joints[current.mimic.joint]
+        settled.update(trail)
+
+
+def check_mimic(joint: Joint, mimicked: str, joints: dict[str, Joint], document: Document) -> None:
+    """One mimic: both joints have one coordinate, and are two."""
+    if mimicked not in joints:
+        hint = nearest(mimicked, joints)
+        raise document.error(f"joint {joint.name!r} mimics an unknown joint {mimicked!r}{hint}", joint.line)
+    if mimicked == joint.name:
+        raise document.error(f"joint {joint.name!r} mimics itself", joint.line)
+    for each in (joint, joints[mimicked]):
+        if not each.is_single_coordinate:
+            raise document.error(
+                f"joint {joint.name!r} mimics {mimicked!r}, but {each.name!r} is {each.type}: "
+                "it does not have one coordinate",
+                joint.line,
+            )
+
+
+def check_couplings(description: Description, document: Document) -> None:
+    """A coupling relates at least one coordinate, and only joints with one coordinate lie on its paths."""
+    for coupling in description.couplings:
+        if coupling.predecessor == coupling.successor:
+            raise document.error(
+                f"coupling {coupling.name!r} couples link {coupling.successor!r} to itself", coupling.line
+            )
+        coefficients = coupling_equation(description, coupling).coefficients
+        if not coefficients:
+            raise document.error(
+                f"coupling {coupling.name!r} couples nothing: only fixed joints lie between "
+                f"{coupling.predecessor!r} and {coupling.successor!r}",
+                coupling.line,
+            )
+        if not all(any(joint.name in coefficients for joint in path) for path in coupling_paths(description, coupling)):
+            document.warn(
+                f"coupling {coupling.name!r} has moving joints on one side only, so that it holds the sum of "
+                f"{', '.join(coefficients)} at zero",
+                coupling.line,
+            )
+
+
+def check_transmissions(description: Description, document: Document) -> None:
+    """No joint is driven twice and no actuator drives twice."""
+    by_joint: dict[str, str] = {}
+    by_actuator: dict[str, str] = {}
+    for each in description.transmissions:
+        for kind, name, owners in (("joint", each.joint, by_joint), ("actuator", each.actuator, by_actuator)):
+            if name in owners:
+                raise document.error(
+                    f"{kind} {name!r} has two transmissions, {owners[name]!r} and {each.name!r}", each.line
+                )
+            owners[name] = each.name
+
+
+def warn_about_inertia(description: Description, document: Document) -> None:
+    """Warn of every inertia tensor that no rigid body can have.
+
+    Principal moments I1 <= I2 <= I3 of a body are positive and fulfil the triangle inequality I3 <= I1 + I2. A tensor
+    of zeros is accepted: a point mass, or the massless links of foreign files.
+    """
+    bodies = [(link, link.inertial) for link in description.links if link.inertial is not None]
+    if not bodies:
+        return
+    tensors = np.array([inertial.tensor() for _, inertial in bodies])
+    # Scaled so that eigenvalues of huge or tiny tensors neither overflow nor vanish.
+    scales = np.abs(tensors).max(axis=(1, 2))
+    suspects = np.flatnonzero(scales > 0.0)
+    moments = np.linalg.eigvalsh(tensors[suspects] / scales[suspects, None, None])
+    for index, (smallest, middle, largest) in zip(suspects, moments, strict=True):
+        link, scale = bodies[index][0], scales[index]
+        shown = ", ".join(f"{moment * scale:.6g}" for moment in (smallest, middle, largest))
+        if smallest <= _INERTIA_TOLERANCE * abs(largest):
+            document.warn(
+                f"inertia of link {link.name!r} is not positive definite: principal moments {shown} kg·m², "
+                f"the smallest must be positive",
+                link.line,
+            )
+        elif largest > (smallest + middle) * (1.0 + _INERTIA_TOLERANCE):
+            document.warn(
+                f"inertia of link {link.name!r} breaks the triangle inequality: principal moments {shown} kg·m², "
+                f"the largest exceeds the sum of the others by {(largest - smallest - middle) * scale:.3g}",
+                link.line,
+            )

@@ -1,0 +1,277 @@
+"""XML text to a small element tree with line numbers, refusing everything that a mechanism file has no need of."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import warnings
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+from xml.parsers import expat
+
+from leg_dynamics.errors import DescriptionError, LegDynamicsWarning, UnsafeXmlError
+
+__all__ = ["MAX_DEPTH", "Document", "Node", "nearest", "read_root"]
+
+MAX_DEPTH = 64  # URDF+ itself needs 5
+_CHUNK = 1 << 18
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A ``; did you mean ...?`` clause for the names closest to `name`, or an empty string."""
+    matches = difflib.get_close_matches(name, list(known), n=3, cutoff=0.5)
+    return f"; did you mean {' or '.join(map(repr, matches))}?" if matches else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """Where a text comes from, for its errors and warnings."""
+
+    file: str = "<string>"
+    source: str | None = None
+    kind: type[DescriptionError] = DescriptionError
+
+    def _suffix(self) -> str:
+        return f" (rendered from {self.source})" if self.source else ""
+
+    def error(
+        self, message: str, line: int | None = None, *, kind: type[DescriptionError] | None = None
+    ) -> DescriptionError:
+        """The error to raise, naming file and line."""
+        return (kind or self.kind)(f"{message}{self._suffix()}", file=self.file, line=line, source=self.source)
+
+    def warn(self, message: str, line: int | None = None) -> None:
+        """Warn, naming file and line."""
+        place = self.file if line is None else f"{self.file}:{line}"
+        warnings.warn(f"{place}: {message}{self._suffix()}", LegDynamicsWarning, stacklevel=2)
+
+
+class Node:
+    """An XML element that knows its line."""
+
+    __slots__ = ("attributes", "children", "document", "line", "tag", "text")
+
+    def __init__(self, tag: str, attributes: dict[str, str], line: int, document: Document) -> None:
+        self.tag = tag
+        self.attributes = attributes
+        self.line = line
+        self.document = document
+        self.children: Sequence[Node] = ()
+        self.text = ""
+
+    def error(self, message: str) -> DescriptionError:
+        """A DescriptionError at this element's line."""
+        return self.document.error(message, self.line)
+
+    def all(self, tag: str) -> list[Node]:
+        """The children of that tag."""
+        return [child for child in self.children if child.tag == tag]
+
+    def at_most_one(self, tag: str) -> Node | None:
+        """The child of that tag, or None; an error where there are several."""
+        found = None
+        for child in self.children:
+            if child.tag == tag:
+                if found is not None:
+                    raise child.error(f"{self.label} has a second <{tag}>: one is allowed")
+                found = child
+        return found
+
+    def exactly_one(self, tag: str) -> Node:
+        """The child of that tag; an error where there is none or several."""
+        found = self.at_most_one(tag)
+        if found is None:
+            raise self.error(f"{self.label} has no <{tag}>")
+        return found
+
+    @property
+    def label(self) -> str:
+        """How messages call this element: its tag, and its name where it has one."""
+        name = self.attributes.get("name")
+        return f"<{self.tag}>" if name is None else f"<{self.tag}> {name!r}"
+
+    def required(self, attribute: str) -> str:
+        """A non-empty attribute's text."""
+        value = self.attributes.get(attribute)
+        if value is None:
+            raise self.error(f"{self.label} has no {attribute}")
+        if not value or value.isspace():
+            raise self.error(f"{attribute} of <{self.tag}> is empty")
+        return value
+
+    def number(self, attribute: str, default: float | None = None) -> float:
+        """A finite decimal attribute; `default` where it is absent, and an error where there is no default."""
+        if default is not None and attribute not in self.attributes:
+            return default
+        text = self.required(attribute)
+        try:  # the usual case, quickly; whatever is odd about the text, the slow way says it
+            value = float(text)
+            if math.isfinite(value) and text.isascii() and "_" not in text:
+                return value
+        except ValueError:
+            pass
+        return self.parse_numbers(text, attribute, 1)[0]
+
+    def vector(self, attribute: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Three finite decimals; `default` where the attribute is absent."""
+        if attribute not in self.attributes:
+            return default
+        x, y, z = self.parse_numbers(self.attributes[attribute], attribute, 3)
+        return x, y, z
+
+    def parse_numbers(self, text: str, what: str, count: int) -> tuple[float, ...]:
+        """`count` finite decimal numbers, separated by blanks."""
+        parts = text.split()
+        if len(parts) != count:
+            raise self.error(
+                f"{what} of <{self.tag}> must be {count} number{'s' * (count != 1)}, got {len(parts)} in {text[:80]!r}"
+            )
+        # float() also reads "1_0", other scripts' digits, "nan" and "inf": none of them is a URDF number.
+        try:
+            if not text.isascii() or "_" in text:
+                raise ValueError
+            values = tuple(map(float, parts))
+        except ValueError:
+            raise self.error(f"{what} of <{self.tag}> is not decimal: {text[:80]!r}") from None
+        if not all(map(math.isfinite, values)):
+            raise self.error(f"{what} of <{self.tag}> must be finite, got {text[:80]!r}")
+        return values
+
+    def walk(self) -> Iterator[Node]:
+        """This element and everything in it, in document order."""
+        stack = [self]
+        while stack:
+            node = stack.pop()
+            yield node
+            stack.extend(reversed(node.children))
+
+
+class _TreeBuilder:
+    """The expat handlers that build the tree."""
+
+    def __init__(self, document: Document, keep: Collection[str] | None) -> None:
+        self.document = document
+        self.keep = keep
+        self.root: Node | None = None
+        self.open: list[Node] = []
+        self.skipped_depth = 0
+        self.unwanted: set[str] = set()
+        self.parser = expat.ParserCreate("UTF-8")
+        self.parser.buffer_text = True
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.StartDoctypeDeclHandler = self.refuse_doctype
+        # Nothing but a document type can declare these; refused again in case an expat reports them first.
+        self.parser.EntityDeclHandler = self.refuse_doctype
+        self.parser.ExternalEntityRefHandler = self.refuse_doctype
+
+    def refuse_doctype(self, *_: object) -> NoReturn:
+        raise self.document.error(
+            "the file has a document type (DOCTYPE), which can define entities: refused; delete that declaration",
+            self.parser.CurrentLineNumber,
+            kind=UnsafeXmlError,
+        )
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        parents = self.open
+        depth = len(parents) + self.skipped_depth
+        if depth >= MAX_DEPTH:
+            raise self.document.error(
+                f"elements are nested more than {MAX_DEPTH} deep: refused",
+                self.parser.CurrentLineNumber,
+                kind=UnsafeXmlError,
+            )
+        if self.skipped_depth:
+            self.skipped_depth += 1
+            return
+        unwanted = depth == 1 and self.keep is not None and tag not in self.keep
+        if unwanted:
+            self.skipped_depth = 1
+            if tag in self.unwanted:
+                return
+            self.unwanted.add(tag)
+        node = Node(tag, attributes, self.parser.CurrentLineNumber, self.document)
+        if self.keep is not None and tag.startswith("xacro:"):
+            raise node.error(f"<{tag}> is xacro, not URDF: render it first, or name the file *.xacro")
+        if depth == 0:
+            self.root = node
+        else:
+            parent = parents[-1]
+            if parent.children:
+                parent.children.append(node)  # type: ignore[attr-defined]
+            else:
+                parent.children = [node]
+        if unwanted:
+            return
+        parents.append(node)
+        if tag == "transmission":  # the only element whose text matters
+            self.parser.CharacterDataHandler = self.characters
+
+    def end(self, tag: str) -> None:
+        if self.skipped_depth:
+            self.skipped_depth -= 1
+            return
+        self.open.pop()
+        if tag == "transmission":
+            self.parser.CharacterDataHandler = None
+
+    def characters(self, data: str) -> None:
+        self.open[-1].text += data
+
+
+def read_root(text: str, document: Document, *, keep: Collection[str] | None = None) -> Node:
+    """Parse XML text into its root element.
+
+    Parameters
+    ----------
+    text : str
+        The whole document.
+    document : Document
+        Its file name, for errors.
+    keep : collection of str, optional
+        Tags wanted directly below the root; of each other tag the first element is returned, without its children,
+        and xacro elements are refused.
+
+    Returns
+    -------
+    Node
+        The root element.
+
+    Raises
+    ------
+    UnsafeXmlError
+        For any document type declaration (and so any entity), before anything is expanded, and for nesting
+        deeper than `MAX_DEPTH`.
+    DescriptionError
+        For malformed, truncated or empty text.
+    """
+    text = text.removeprefix("\ufeff")
+    if not text.strip():
+        raise document.error("the file is empty")
+    try:
+        data = text.encode()
+    except UnicodeEncodeError as error:
+        line = text.count("\n", 0, error.start) + 1
+        raise document.error(f"the text holds a lone surrogate {text[error.start]!a}", line) from None
+    builder = _TreeBuilder(document, keep)
+    try:
+        for start in range(0, len(data), _CHUNK):
+            builder.parser.Parse(data[start : start + _CHUNK], False)
+        builder.parser.Parse(b"", True)
+    except expat.ExpatError as error:
+        message = f"malformed XML: {expat.ErrorString(error.code)}"
+        if builder.open:
+            innermost = builder.open[-1]
+            message += f", inside <{innermost.tag}> of line {innermost.line}"
+            if expat.ErrorString(error.code) in (
+                expat.errors.XML_ERROR_NO_ELEMENTS,
+                expat.errors.XML_ERROR_UNCLOSED_TOKEN,
+            ):
+                message += "; the file seems truncated"
+        raise document.error(message, error.lineno) from None
+    finally:
+        # The handlers are bound methods of the builder that holds the parser: a cycle that would keep the tree alive.
+        builder.parser.StartElementHandler = builder.parser.EndElementHandler = None
+    assert builder.root is not None
+    return builder.root

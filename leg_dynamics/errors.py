@@ -1,0 +1,236 @@
+"""The error family: every failure that a caller can act on, with its evidence attached.
+
+Each class is a `LegDynamicsError` and also the builtin exception that a caller would expect. The message is a
+sentence with the value, the limit, the margin and the next thing to try; the same facts are attributes, so that
+a program need not parse the sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+__all__ = [
+    "ActuationError",
+    "AssemblyError",
+    "CrosscheckError",
+    "DescriptionError",
+    "FormulaAssumptionError",
+    "JointLimitError",
+    "LegDynamicsError",
+    "LegDynamicsWarning",
+    "LegNotFoundError",
+    "MissingFootError",
+    "NonFiniteError",
+    "OutOfReachError",
+    "OutputError",
+    "ParameterError",
+    "PreviewError",
+    "RenderError",
+    "RouteError",
+    "RowError",
+    "RowFailures",
+    "ShapeError",
+    "SingularityError",
+    "TrajectoryError",
+    "UnsafeXmlError",
+    "UnsupportedError",
+]
+
+
+class LegDynamicsWarning(UserWarning):
+    """Something in the input is odd but has one safe reading, which the text states."""
+
+
+class LegDynamicsError(Exception):
+    """Base class of every error that this package raises on purpose.
+
+    Parameters
+    ----------
+    message : str
+        One sentence: the value, the limit, the margin, what to try next.
+    **evidence
+        The facts behind the sentence; each becomes an attribute and an entry of `evidence`.
+    """
+
+    def __init__(self, message: str, **evidence: Any) -> None:
+        super().__init__(message)
+        self.message = message
+        self.evidence: Mapping[str, Any] = evidence
+        for name, value in evidence.items():
+            setattr(self, name, value)
+
+    def __str__(self) -> str:
+        return self.message
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuild, (type(self), self.message, dict(self.evidence))
+
+
+def _rebuild(kind: type[LegDynamicsError], message: str, evidence: dict[str, Any]) -> LegDynamicsError:
+    return kind(message, **evidence)
+
+
+class DescriptionError(LegDynamicsError, ValueError):
+    """A mechanism file says something that cannot be true, or leaves out something that must be said.
+
+    Attributes
+    ----------
+    file : str
+        Path of the file, or ``<string>``.
+    line : int or None
+        Line of the offending element, counted from 1.
+    """
+
+    file: str
+    line: int | None
+
+    def __init__(self, message: str, *, file: str = "<string>", line: int | None = None, **evidence: Any) -> None:
+        place = file if line is None else f"{file}:{line}"
+        text = message if message.startswith(f"{place}: ") else f"{place}: {message}"
+        super().__init__(text, file=file, line=line, **evidence)
+
+
+class UnsafeXmlError(DescriptionError):
+    """The file carries a document type, an entity, or a nesting depth that no mechanism needs."""
+
+
+class RenderError(DescriptionError):
+    """xacro could not turn its source into a mechanism file."""
+
+
+class ParameterError(LegDynamicsError, KeyError):
+    """A named parameter does not exist, or its value is not usable."""
+
+
+class LegNotFoundError(LegDynamicsError, FileNotFoundError):
+    """The name is neither a shipped leg nor a readable file."""
+
+
+class OutputError(LegDynamicsError, OSError):
+    """A result could not be written to the file it was asked into."""
+
+
+class RouteError(LegDynamicsError, ValueError):
+    """The route does not exist, or this leg does not have it."""
+
+
+class FormulaAssumptionError(LegDynamicsError, ValueError):
+    """A file breaks an assumption of a leg's closed-form formulas."""
+
+
+class UnsupportedError(LegDynamicsError, NotImplementedError):
+    """The request is well-formed but this route cannot serve it."""
+
+
+class MissingFootError(LegDynamicsError, ValueError):
+    """A foot method was called on a mechanism whose foot frame is not named."""
+
+
+class ActuationError(LegDynamicsError, ValueError):
+    """The actuators do not determine the requested torques."""
+
+
+class ShapeError(LegDynamicsError, ValueError):
+    """An array has the wrong shape or type."""
+
+
+class TrajectoryError(LegDynamicsError, ValueError):
+    """A trajectory, or the file that holds it, is not usable."""
+
+
+class PreviewError(LegDynamicsError, RuntimeError):
+    """A preview could not be written, served or photographed."""
+
+
+class CrosscheckError(LegDynamicsError, AssertionError):
+    """Independent derivations disagree by more than the stated tolerance."""
+
+
+class RowError(LegDynamicsError):
+    """Some rows of a batch failed.
+
+    Attributes
+    ----------
+    rows : numpy.ndarray
+        Flat indices of the failing rows, shape (k,); ``[0]`` for a single sample.
+    margin : numpy.ndarray
+        By how much each of them misses the limit, shape (k,): negative means outside.
+    """
+
+    rows: np.ndarray
+    margin: np.ndarray
+
+    def __init__(self, message: str, *, rows: Any = (0,), margin: Any = np.nan, **evidence: Any) -> None:
+        rows = np.atleast_1d(np.asarray(rows, dtype=np.intp))
+        margin = np.broadcast_to(np.asarray(margin, dtype=float), rows.shape).copy()
+        super().__init__(message, rows=rows, margin=margin, **evidence)
+
+
+class NonFiniteError(RowError, ValueError):
+    """An input holds NaN or infinity."""
+
+
+class OutOfReachError(RowError, ValueError):
+    """No joint angles put the foot there; `margin` is the missing distance in metres, negative."""
+
+
+class JointLimitError(RowError, ValueError):
+    """A solution exists but leaves the joint limits; `margin` is the excess, negative, in rad or m."""
+
+
+class AssemblyError(RowError, ValueError):
+    """The loops could not be closed at these coordinates in the chosen assembly mode.
+
+    `residual` is the smallest loop residual reached, shape (k,); `margin` is the tolerance minus that residual.
+    """
+
+
+class SingularityError(RowError, ArithmeticError):
+    """An inverse was asked for where none exists; `margin` is the smallest singular value."""
+
+
+class RowFailures:
+    """Collects the failing rows of one call while a route works through a batch.
+
+    A route adds what it cannot compute and leaves NaN in those rows; the interface then raises one error with all
+    rows, or, on request, returns the NaN.
+    """
+
+    def __init__(self) -> None:
+        self._failures: list[tuple[np.ndarray, RowError]] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._failures)
+
+    def add(self, rows: Any, error: RowError) -> None:
+        """Record that `rows` (flat indices) failed for the reason `error`, whose margins are in the same order."""
+        self._failures.append((np.atleast_1d(np.asarray(rows, dtype=np.intp)), error))
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Sorted flat indices of all failing rows."""
+        return np.unique(np.concatenate([rows for rows, _ in self._failures]))
+
+    def combined(self, count: int | None) -> RowError:
+        """One error for the call: the first failing row's class and sentence, all rows of that class, their margins.
+
+        Parameters
+        ----------
+        count : int or None
+            Rows in the batch; None for a single sample, whose message needs no row number.
+        """
+        first_rows, first = min(self._failures, key=lambda failure: int(failure[0].min()))
+        kind = type(first)
+        same = [(rows, error) for rows, error in self._failures if type(error) is kind]
+        rows = np.concatenate([rows for rows, _ in same])
+        margin = np.concatenate([np.broadcast_to(error.margin, r.shape) for r, error in same])
+        order = np.argsort(rows, kind="stable")
+        message = first.message
+        if count is not None:
+            total = len(self.rows)
+            message = f"{total} of {count} rows failed, first row {int(first_rows.min())}: {message}"
+        evidence = {key: value for key, value in first.evidence.items() if key not in ("rows", "margin")}
+        return kind(message, rows=rows[order], margin=margin[order], **evidence)

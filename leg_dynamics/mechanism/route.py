@@ -1,0 +1,225 @@
+"""The pinocchio route: the interface's array methods over `Mechanism`, row by row with a warm start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from leg_dynamics.description.model import Description
+from leg_dynamics.errors import AssemblyError, OutOfReachError, RowError, RowFailures, SingularityError
+from leg_dynamics.mechanism.assembly import configuration_coordinates
+from leg_dynamics.mechanism.mechanism import ClosedState, LoopForces, Mechanism
+from leg_dynamics.mechanism.mobility import MobilityReport, mobility_report
+
+__all__ = ["PinocchioRoute"]
+
+Row = Callable[..., np.ndarray]
+
+REACH_TOLERANCE = 1e-12
+REACH_ITERATIONS = 100
+LARGEST_JOINT_STEP = 0.2
+
+
+class PinocchioRoute:
+    """Numeric kinematics and dynamics of any description through pinocchio."""
+
+    name = "pinocchio"
+
+    def __init__(self, description: Description, foot: str | None, hip: str | None) -> None:
+        self.mechanism = Mechanism(description, foot, hip)
+        self.joint_names = self.mechanism.joint_names
+        self.actuator_joints = self.mechanism.actuator_joints
+        self.tree_joint_names = self.mechanism.tree.joint_names
+        self.gravity = self.mechanism.gravity
+        self.has_foot = foot is not None
+        names = [configuration.name for configuration in description.configurations]
+        self.branches: tuple[str, ...] = tuple(names) if names else ("home",)
+
+    def _rows(
+        self, function: Row, shape: tuple[int, ...], q: np.ndarray, others: tuple[Any, ...], failures: RowFailures
+    ) -> np.ndarray:
+        """Apply a method of `Mechanism` to the closed state of every row; failing rows stay NaN."""
+        if q.ndim == 1:
+            try:
+                return function(self.mechanism.close(q), *others)
+            except RowError as error:
+                failures.add(0, error)
+                return np.full(shape, np.nan)
+        result = np.full((len(q), *shape), np.nan)
+        for row in range(len(q)):
+            try:
+                state = self.mechanism.close(q[row])
+                result[row] = function(state, *(None if other is None else other[row] for other in others))
+            except RowError as error:
+                failures.add(row, error)
+        return result
+
+    def tree_coordinates(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Closed tree coordinates, (..., nv)."""
+        return self._rows(lambda state: state.q.copy(), (self.mechanism.nv,), q, (), failures)
+
+    def foot_position(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Foot position, (..., 3) m."""
+        return self._rows(self.mechanism.foot_position, (3,), q, (), failures)
+
+    def foot_jacobian(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Foot Jacobian, (..., 3, n)."""
+        return self._rows(self.mechanism.foot_jacobian, (3, self.mechanism.n), q, (), failures)
+
+    def foot_jacobian_derivative(self, q: np.ndarray, v: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Time derivative of the foot Jacobian, (..., 3, n)."""
+        return self._rows(self.mechanism.foot_jacobian_derivative, (3, self.mechanism.n), q, (v,), failures)
+
+    def foot_bias_acceleration(self, q: np.ndarray, v: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Foot acceleration at zero joint acceleration, (..., 3) m/s²."""
+        return self._rows(self.mechanism.foot_bias_acceleration, (3,), q, (v,), failures)
+
+    def mass_matrix(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Mass matrix, (..., n, n)."""
+        return self._rows(self.mechanism.mass_matrix, (self.mechanism.n, self.mechanism.n), q, (), failures)
+
+    def bias(self, q: np.ndarray, v: np.ndarray, gravity: np.ndarray | None, failures: RowFailures) -> np.ndarray:
+        """Generalised force at zero acceleration, (..., n)."""
+        return self._rows(self.mechanism.bias, (self.mechanism.n,), q, (v, gravity), failures)
+
+    def potential_energy(self, q: np.ndarray, gravity: np.ndarray | None, failures: RowFailures) -> np.ndarray:
+        """Potential energy of gravity, (...,) J."""
+        return self._rows(self.mechanism.potential_energy, (), q, (gravity,), failures)
+
+    def generalized_force(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        foot_force: np.ndarray | None,
+        gravity: np.ndarray | None,
+        failures: RowFailures,
+    ) -> np.ndarray:
+        """Inverse dynamics at the independent coordinates, (..., n)."""
+        method = self.mechanism.generalized_force
+        return self._rows(method, (self.mechanism.n,), q, (v, a, foot_force, gravity), failures)
+
+    def torque(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        foot_force: np.ndarray | None,
+        gravity: np.ndarray | None,
+        failures: RowFailures,
+    ) -> np.ndarray:
+        """Inverse dynamics at the actuators, (..., m)."""
+        mechanism = self.mechanism
+
+        def effort(state: ClosedState, *arguments: Any) -> np.ndarray:
+            return mechanism.actuator_effort(state, mechanism.generalized_force(state, *arguments))
+
+        return self._rows(effort, (len(mechanism.actuated),), q, (v, a, foot_force, gravity), failures)
+
+    def acceleration(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        tau: np.ndarray,
+        foot_force: np.ndarray | None,
+        gravity: np.ndarray | None,
+        failures: RowFailures,
+    ) -> np.ndarray:
+        """Forward dynamics by projection, (..., n)."""
+        method = self.mechanism.acceleration
+        return self._rows(method, (self.mechanism.n,), q, (v, tau, foot_force, gravity), failures)
+
+    def loop_forces(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        foot_force: np.ndarray | None = None,
+        gravity: np.ndarray | None = None,
+    ) -> LoopForces:
+        """Minimum-norm forces in the cut loop joints of one sample."""
+        return self.mechanism.loop_forces(self.mechanism.close(q), v, a, foot_force, gravity)
+
+    def mobility_report(self, samples: int = 20, seed: int = 0) -> MobilityReport:
+        """Gruebler count against the rank of the loop rows."""
+        return mobility_report(self.mechanism, samples, seed)
+
+    # ------------------------------------------------------------------ inverse kinematics
+
+    def inverse_kinematics(self, p: np.ndarray, branch: str, failures: RowFailures) -> np.ndarray:
+        """Joint coordinates of the solution that continues from the configuration `branch`, (..., n)."""
+        if p.ndim == 1:
+            try:
+                return self._reach(p, branch)
+            except RowError as error:
+                failures.add(0, error)
+                return np.full(self.mechanism.n, np.nan)
+        result = np.full((len(p), self.mechanism.n), np.nan)
+        for row in range(len(p)):
+            try:
+                result[row] = self._reach(p[row], branch)
+            except RowError as error:
+                failures.add(row, error)
+        return result
+
+    def _start(self, branch: str) -> ClosedState:
+        mechanism = self.mechanism
+        for configuration in mechanism.description.configurations:
+            if configuration.name == branch:
+                q = configuration_coordinates(mechanism, dict(configuration.values))
+                return mechanism.close(q[mechanism.independent])
+        return mechanism.seeds[0]
+
+    def _reach(self, p: np.ndarray, branch: str) -> np.ndarray:
+        """Gauss-Newton with damping and step control on the foot position, staying in the assembly mode."""
+        mechanism = self.mechanism
+        state = self._start(branch)
+        y = state.y.copy()
+        J = mechanism.foot_jacobian(state)
+        if np.linalg.matrix_rank(J, tol=1e-6 * max(1.0, float(np.abs(J).max()))) < min(J.shape):
+            y = self._leave_singular(y)
+            state = mechanism.close(y)
+        error = p - mechanism.foot_position(state)
+        damping = 1e-6
+        for _ in range(REACH_ITERATIONS):
+            J = mechanism.foot_jacobian(state)
+            distance = float(np.linalg.norm(error))
+            if distance < REACH_TOLERANCE:
+                break
+            normal = J @ J.T + damping * float(np.trace(J @ J.T)) * np.eye(3)
+            step = J.T @ np.linalg.solve(normal, error)
+            largest = float(np.abs(step).max())
+            if largest < 1e-14:
+                break
+            if largest > LARGEST_JOINT_STEP:
+                step *= LARGEST_JOINT_STEP / largest
+            try:
+                candidate = mechanism.close(y + step)
+            except (AssemblyError, SingularityError):
+                damping = min(10.0 * damping, 1e3)
+                continue
+            new_error = p - mechanism.foot_position(candidate)
+            if float(np.linalg.norm(new_error)) < distance:
+                y, state, error, damping = y + step, candidate, new_error, max(0.1 * damping, 1e-15)
+            elif distance < 1e-10 and largest < 1e-8:
+                break
+            else:
+                damping = min(10.0 * damping, 1e6)
+        distance = float(np.linalg.norm(error))
+        if distance > 1e-9:
+            raise OutOfReachError(
+                f"no joint coordinates in branch {branch!r} put the foot at {p.tolist()} m: the nearest point found is "
+                f"{distance:.3g} m away; check the workspace or start from another configuration",
+                margin=-distance,
+                nearest=state.y.copy(),
+            )
+        return y
+
+    def _leave_singular(self, y: np.ndarray) -> np.ndarray:
+        """A regular starting point near a singular configuration: towards the middle of the joint limits."""
+        mechanism = self.mechanism
+        lower = np.maximum(mechanism.lower[mechanism.independent], -1.0)
+        upper = np.minimum(mechanism.upper[mechanism.independent], 1.0)
+        return y + 0.3 * (0.5 * (lower + upper) - y) + 0.01

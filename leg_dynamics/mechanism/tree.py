@@ -1,0 +1,156 @@
+"""The adapter to pinocchio's tree: model from a description, frames of the loop ends, world frames without copies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from leg_dynamics.description.model import Description, Pose
+from leg_dynamics.errors import DescriptionError, UnsupportedError
+
+__all__ = ["FrameMemory", "Tree"]
+
+STANDARD_GRAVITY = 9.81
+
+
+def _se3(pose: Pose) -> pin.SE3:
+    return pin.SE3(pose.rotation(), np.array(pose.xyz))
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The spanning tree as pinocchio reads it, plus where each tree coordinate sits in its vectors.
+
+    Tree coordinates are angles (rad) and displacements (m), one a moving joint, in pinocchio's velocity order.
+    pinocchio stores a `continuous` joint as (cos, sin); `to_configuration` is the only place that knows.
+
+    Attributes
+    ----------
+    model : pinocchio.Model
+        Carries one extra frame for each loop end.
+    joint_names : tuple of str
+        Tree joints in velocity order, length nv.
+    """
+
+    model: pin.Model
+    joint_names: tuple[str, ...]
+    angle_index: np.ndarray
+    circle_index: np.ndarray
+    circle_coordinate: np.ndarray
+    plain_coordinate: np.ndarray
+
+    @classmethod
+    def from_description(cls, description: Description) -> Tree:
+        """Let pinocchio parse the file's tree and check that it found the joints that the description found.
+
+        Raises
+        ------
+        UnsupportedError
+            A joint has more than one coordinate (floating, planar).
+        DescriptionError
+            pinocchio refuses the file or reads other joints.
+        """
+        for joint in description.moving_joints:
+            if not joint.is_single_coordinate:
+                raise UnsupportedError(
+                    f"joint {joint.name!r} is {joint.type}: this route handles revolute, continuous and prismatic "
+                    "joints; give the leg a fixed base",
+                    joint=joint.name,
+                )
+        try:
+            model = pin.buildModelFromXML(description.urdf)
+        except (ValueError, RuntimeError) as error:
+            raise DescriptionError(f"pinocchio cannot read the tree: {error}", file=description.file) from error
+        names = tuple(model.names[1:])
+        expected = {joint.name for joint in description.moving_joints}
+        if set(names) != expected:
+            raise DescriptionError(
+                f"pinocchio reads other joints than the description: {sorted(set(names) ^ expected)}",
+                file=description.file,
+            )
+        idx_q = np.array([model.joints[i].idx_q for i in range(1, model.njoints)], dtype=np.intp)
+        is_circle = np.array([model.joints[i].nq == 2 for i in range(1, model.njoints)], dtype=bool)
+        for transmission in description.transmissions:
+            index = model.joints[model.getJointId(transmission.joint)].idx_v
+            armature = model.armature
+            armature[index] += transmission.rotor_inertia * transmission.reduction**2
+            model.armature = armature
+        return cls(
+            model=model,
+            joint_names=names,
+            angle_index=idx_q[~is_circle],
+            circle_index=idx_q[is_circle],
+            circle_coordinate=np.flatnonzero(is_circle),
+            plain_coordinate=np.flatnonzero(~is_circle),
+        )
+
+    def to_configuration(self, coordinates: np.ndarray) -> np.ndarray:
+        """Turn tree coordinates, shape (nv,), into pinocchio's configuration vector, shape (nq,)."""
+        if self.circle_index.size == 0:
+            return coordinates
+        configuration = np.empty(self.model.nq)
+        configuration[self.angle_index] = coordinates[self.plain_coordinate]
+        angle = coordinates[self.circle_coordinate]
+        configuration[self.circle_index] = np.cos(angle)
+        configuration[self.circle_index + 1] = np.sin(angle)
+        return configuration
+
+    def add_frame(self, name: str, link: str, placement: pin.SE3) -> int:
+        """Attach a frame to a link of the model and return its index."""
+        body = self.model.frames[self.model.getFrameId(link, pin.FrameType.BODY)]
+        frame = pin.Frame(name, body.parentJoint, body.placement * placement, pin.FrameType.OP_FRAME)
+        return int(self.model.addFrame(frame))
+
+    def add_loop_end(self, name: str, link: str, pose: Pose, alignment: np.ndarray) -> int:
+        """Attach a loop end: the file's pose, turned so that the loop axis becomes the frame's z."""
+        return self.add_frame(name, link, _se3(pose) * pin.SE3(alignment, np.zeros(3)))
+
+    def support(self, frame: int) -> np.ndarray:
+        """1.0 for each tree coordinate that moves this frame, else 0.0; shape (nv,)."""
+        mask = np.zeros(self.model.nv)
+        joint = self.model.frames[frame].parentJoint
+        while joint > 0:
+            mask[self.model.joints[joint].idx_v] = 1.0
+            joint = self.model.parents[joint]
+        return mask
+
+
+class FrameMemory:
+    """All frames' world placements as one array, read in place.
+
+    Row 4 f + c holds column c of frame f's rotation (world axes) for c in 0..2 and its origin for c = 3. Reading
+    the frames one by one through the bindings costs more than the whole of the closure's algebra; pinocchio keeps
+    them in one block whose layout is checked here, and where the check fails the rows are copied instead.
+    """
+
+    def __init__(self, model: pin.Model, data: pin.Data) -> None:
+        self._data = data
+        self._count = model.nframes
+        self._view = self._map()
+
+    def _map(self) -> np.ndarray | None:
+        first = self._data.oMf[0].rotation
+        address = first.__array_interface__["data"][0]
+        for index in range(self._count):
+            placement = self._data.oMf[index]
+            rotation, origin = placement.rotation, placement.translation
+            if rotation.flags.owndata or not rotation.flags.f_contiguous:
+                return None
+            if rotation.__array_interface__["data"][0] != address + 96 * index:
+                return None
+            if origin.__array_interface__["data"][0] != address + 96 * index + 72:
+                return None
+        return np.lib.stride_tricks.as_strided(first.T, shape=(4 * self._count, 3), strides=(24, 8), writeable=False)
+
+    def rows(self) -> np.ndarray:
+        """Placements after the last `pin.updateFramePlacements`, shape (4 nframes, 3)."""
+        if self._view is not None:
+            return self._view
+        copied = np.empty((4 * self._count, 3))
+        for index in range(self._count):
+            placement = self._data.oMf[index]
+            copied[4 * index : 4 * index + 3] = placement.rotation.T
+            copied[4 * index + 3] = placement.translation
+        return copied

@@ -1,0 +1,9 @@
+"""Moving pictures of a mechanism: one self-contained HTML page, or a live meshcat view on this machine."""
+
+from __future__ import annotations
+
+from leg_dynamics.preview.live import LiveView, show_live
+from leg_dynamics.preview.page import write_html
+from leg_dynamics.preview.still import find_chromium, write_still
+
+__all__ = ["LiveView", "find_chromium", "show_live", "write_html", "write_still"]

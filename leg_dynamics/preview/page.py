@@ -1,0 +1,121 @@
+"""One HTML file that plays a motion anywhere: viewer, shapes and keyframes inside, nothing fetched."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from leg_dynamics.description.model import Description
+from leg_dynamics.errors import PreviewError
+from leg_dynamics.preview.scene import Scene, build_scene, load_meshcat
+
+__all__ = ["write_html"]
+
+
+def write_html(
+    description: Description,
+    times: ArrayLike,
+    joint_values: Mapping[str, ArrayLike],
+    path: str | Path,
+    *,
+    foot_trace: ArrayLike | None = None,
+    title: str | None = None,
+    fps: float = 30.0,
+) -> Path:
+    """Write a self-contained page that plays a motion in a loop.
+
+    The page opens from disk in any browser with WebGL and asks the network for nothing. Drag to turn, scroll to zoom,
+    space to pause. ``page.html#t=1.5`` opens it as a still at 1.5 s.
+
+    Parameters
+    ----------
+    description : Description
+        The mechanism.
+    times : array_like, shape (T,)
+        Increasing times, s; T = 1 gives a still.
+    joint_values : mapping of str to array_like, shape (T,)
+        Coordinate of each tree joint, rad or m (`leg.assemble` gives them); a joint that is left out stays at zero.
+    path : str or Path
+        The file to write; its folder must exist.
+    foot_trace : array_like, shape (T, 3), optional
+        Foot positions in the root frame, m: drawn as a coloured line.
+    title : str, optional
+        Heading; the mechanism's name by default.
+    fps : float
+        Animation frames a second.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    DescriptionError, ShapeError, NonFiniteError, TrajectoryError, ParameterError
+        As `leg_dynamics.preview.scene.build_scene`.
+    PreviewError
+        The file cannot be written, or the installed meshcat lacks its viewer.
+    """
+    scene = build_scene(description, times, joint_values, foot_trace=foot_trace, fps=fps)
+    page = _page(scene, description.name, description.name if title is None else title)
+    path = Path(path)
+    try:
+        path.write_text(page, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise PreviewError(
+            f"cannot write the preview to {path}: {error.strerror}; name a file in an existing folder", path=path
+        ) from error
+    return path
+
+
+def _page(scene: Scene, name: str, title: str) -> str:
+    data = {
+        "start": scene.start,
+        "duration": scene.duration,
+        "animated": any(command["type"] == "set_animation" for command in scene.commands),
+        "commands": [base64.b64encode(message).decode("ascii") for message in scene.packed()],
+    }
+    facts = [name] if name != title else []
+    if scene.duration > 0.0:
+        facts.append(f"{scene.duration:.4g} s")
+    facts.append(f"grid {1000.0 * scene.cell:.4g} mm")
+    parts = {
+        "title": html.escape(title),
+        "facts": html.escape(" \N{MIDDLE DOT} ".join(facts)),
+        "scene": json.dumps(data),
+        "viewer": _inline(_viewer_file("main.min.js")),
+        "licences": _inline(_licences()),
+    }
+    template = resources.files("leg_dynamics.preview").joinpath("page.html").read_text(encoding="utf-8")
+    return re.sub(r"@(title|facts|scene|viewer|licences)@", lambda match: parts[match[1]], template)
+
+
+def _inline(text: str) -> str:
+    """Text that cannot end the script element that holds it."""
+    return text.replace("</script", "<\\/script").replace("<!--", "<\\!--")
+
+
+def _viewer_file(name: str) -> str:
+    file = Path(load_meshcat().viewer_assets_path()) / "dist" / name
+    try:
+        return file.read_text(encoding="utf-8")
+    except OSError as error:
+        raise PreviewError(
+            f"meshcat's viewer file {file} cannot be read: {error.strerror}; reinstall meshcat", path=file
+        ) from error
+
+
+def _licences() -> str:
+    """Copyright notices of meshcat and of what its viewer bundles, which travel with every copy."""
+    own = (Path("..") / "LICENSE").as_posix()
+    bundled = json.loads(_viewer_file("main.min.js.THIRD_PARTY_LICENSES.json"))
+    texts = [f"meshcat\n{_viewer_file(own)}"]
+    texts += [f"{package['name']} {package['version']}\n{package['licenseText']}" for package in bundled]
+    return "\n".join(texts)
