@@ -143,13 +143,20 @@ def _command(name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     return register
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        import leg_dynamics
+
+        print(f"leg-dynamics {leg_dynamics.__version__}")
+        raise typer.Exit(OK)
+
+
 @app.callback()
 def _global_options(
-    version: Annotated[bool, typer.Option("--version", help="Print the version.", is_eager=True)] = False,
-) -> None:
-    if version:
-        print(f"leg-dynamics {_version()}")
-        raise typer.Exit(OK)
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_print_version)
+    ] = False,
+) -> None: ...
 
 
 @_command("list")
@@ -178,7 +185,7 @@ def list_legs(as_json: JsonOption = False) -> None:
         return
     table = _table("Shipped legs", "name", "coordinates", "actuators", "links", "loops", "couplings", "trajectories")
     for row in rows:
-        table.add_row(*(", ".join(value) if isinstance(value, list) else str(value) for value in row.values()))
+        _add_row(table, *(", ".join(value) if isinstance(value, list) else str(value) for value in row.values()))
     _console().print(table)
 
 
@@ -239,20 +246,20 @@ def info_leg(
     table.show_header = False
     for key, value in facts.items():
         text = ", ".join(value) if isinstance(value, list) else _number(value)
-        table.add_row(key.replace("_", " "), text + (" kg" if key == "mass" else ""))
+        _add_row(table, key.replace("_", " "), text + (" kg" if key == "mass" else ""))
     console.print(table)
     table = _table("Independent coordinates", "name", "unit", "lower", "upper", "velocity limit", "effort limit")
     for row in joints:
-        table.add_row(*(_number(value) for value in row.values()))
+        _add_row(table, *(_number(value) for value in row.values()))
     console.print(table)
     table = _table("Actuators", "name", "unit")
     for actuator in actuators:
-        table.add_row(*actuator.values())
+        _add_row(table, *actuator.values())
     console.print(table)
     if parameters:
         table = _table("Parameters", "name", "value", "unit", "source", "description")
         for parameter in parameters:
-            table.add_row(*(_number(parameter[key]) for key in ("name", "value", "unit", "source", "description")))
+            _add_row(table, *(_number(parameter[key]) for key in ("name", "value", "unit", "source", "description")))
         console.print(table)
     if mobility is not None:
         console.print(mobility)
@@ -467,7 +474,7 @@ def _load(
     import leg_dynamics
 
     options = _load_options(set_, foot, urdf)
-    with _error_console().status(f"loading {name}"):
+    with _error_console().status("loading"):
         return leg_dynamics.load(name, route, **options)
 
 
@@ -642,8 +649,8 @@ def _show_summary(result: Mapping[str, Any]) -> None:
     )
     table = _table("", "actuator", "peak", "at", "rms", "unit")
     for row in result["actuators"]:
-        table.add_row(
-            row["name"], f"{row['peak']:+.6f}", f"{row['time_of_peak']:.3f} s", f"{row['rms']:.6f}", row["unit"]
+        _add_row(
+            table, row["name"], f"{row['peak']:+.6f}", f"{row['time_of_peak']:.3f} s", f"{row['rms']:.6f}", row["unit"]
         )
     console.print(table)
     if result["foot_force"] is not None:
@@ -766,18 +773,25 @@ def _table(title: str, *columns: str) -> Any:
     return table
 
 
+def _add_row(table: Any, *cells: str) -> None:
+    """Add cells as plain text: a name from a file may look like markup."""
+    from rich.text import Text
+
+    table.add_row(*(Text(cell) for cell in cells))
+
+
 def _console() -> Console:
     from rich.console import Console
 
     # A pipe has no width of its own; 80 would cut tables off.
     width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
-    return Console(width=width, markup=False, highlight=False, emoji=False)
+    return Console(width=width, highlight=False, emoji=False)
 
 
 def _error_console() -> Console:
     from rich.console import Console
 
-    return Console(stderr=True, markup=False, highlight=False)
+    return Console(stderr=True, highlight=False, emoji=False)
 
 
 def _progress() -> Any:
@@ -807,14 +821,6 @@ def _complain(text: str) -> None:
     print(f"leg-dynamics: {' '.join(str(text).split())}", file=sys.stderr)
 
 
-def _version() -> str:
-    from importlib import metadata
-
-    with contextlib.suppress(metadata.PackageNotFoundError):
-        return metadata.version("leg-dynamics")
-    return "(not installed)"
-
-
 _ASCII = {"·": "*", "×": "x", "²": "^2", "°": " deg", "−": "-", "–": "-", "…": "...", "±": "+-", "≤": "<=", "≥": ">="}
 
 
@@ -831,7 +837,7 @@ def main() -> None:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="leg_dynamics_ascii")
     try:
-        app()
+        app(prog_name="leg-dynamics")
     except KeyboardInterrupt:
         # Before a command has begun.
         raise SystemExit(INTERRUPTED) from None

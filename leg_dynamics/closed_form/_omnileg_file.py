@@ -106,7 +106,7 @@ class _Reader:
             if joint.type not in _HINGES:
                 raise self.broken(f"the type of joint {name!r}", joint.type, "revolute or continuous")
             found = pose.body_of(joint.parent, self.bodies), pose.body_of(joint.child, self.bodies)
-            if found != _PARENT_AND_CHILD[name] or joint.child != found[1]:
+            if found != _PARENT_AND_CHILD[name]:
                 raise self.broken(
                     f"joint {name!r}",
                     f"from {joint.parent!r} to {joint.child!r}",
@@ -235,7 +235,11 @@ class _Reader:
             centres.append((centre, axis))
         (first, axis), (second, other) = centres
         gap = float(np.linalg.norm(first - second))
-        if gap > self.tolerance or axis @ other < 0.0:
+        if axis @ other < 0.0:
+            raise self.broken(
+                f"the axis of loop {loop.name!r} in the zero pose", "opposite at its two ends", "the same"
+            )
+        if gap > self.tolerance:
             raise self.broken(f"the gap (m) of loop {loop.name!r} in the zero pose", gap, "closed", self.tolerance)
 
     def check_couplings(self) -> None:

@@ -187,6 +187,8 @@ def where_domain(x: Scalar, tolerance: float) -> Scalar:
 
 def add(a: Vector, b: Vector) -> Vector:
     """Sum of two vectors."""
+    if len(a) == len(b) == 3:  # written out: most vectors have three components, and loops cost a sample half its time
+        return a[0] + b[0], a[1] + b[1], a[2] + b[2]
     return tuple(x + y for x, y in zip(a, b, strict=True))
 
 
@@ -202,6 +204,8 @@ def negate(a: Vector) -> Vector:
 
 def scale(factor: Scalar, a: Vector) -> Vector:
     """Vector times a scalar."""
+    if len(a) == 3:
+        return factor * a[0], factor * a[1], factor * a[2]
     return tuple(factor * x for x in a)
 
 
@@ -215,6 +219,8 @@ def total(vectors: Iterable[Vector]) -> Vector:
 
 def dot(a: Vector, b: Vector) -> Scalar:
     """Scalar product."""
+    if len(a) == len(b) == 3:
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     result = a[0] * b[0]
     for x, y in zip(a[1:], b[1:], strict=True):
         result = result + x * y
@@ -238,13 +244,13 @@ def transpose(a: Matrix) -> Matrix:
 
 def matvec(a: Matrix, b: Vector) -> Vector:
     """Matrix times vector."""
-    return tuple(dot(row, b) for row in a)
+    return tuple([dot(row, b) for row in a])
 
 
 def matmul(a: Matrix, b: Matrix) -> Matrix:
     """Matrix product."""
     columns = transpose(b)
-    return tuple(tuple(dot(row, column) for column in columns) for row in a)
+    return tuple([matvec(columns, row) for row in a])
 
 
 def rotate_tensor(rotation: Matrix, tensor: Matrix) -> Matrix:

@@ -166,6 +166,11 @@ def _parameter(name: str, entry: Any, place: str) -> Parameter:
     return Parameter(name, float(value), *texts)
 
 
+def _listed(names: list[str], most: int = 20) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return (", ".join(names[:most]) or "none") + more
+
+
 def _is_finite_number(value: object) -> bool:
     try:
         return not isinstance(value, bool) and isinstance(value, Real) and math.isfinite(value)
@@ -201,8 +206,7 @@ class Overrides:
         for name, value in (values or {}).items():
             if name not in settable:
                 raise ParameterError(
-                    f"{path.name} has no parameter {name!r}{nearest(str(name), settable)} "
-                    f"(it has {', '.join(settable) or 'none'})",
+                    f"{path.name} has no parameter {name!r}{nearest(str(name), settable)} (it has {_listed(settable)})",
                     name=name,
                     known=tuple(settable),
                 )

@@ -12,6 +12,7 @@ from leg_dynamics.description.topology import split_independent
 __all__ = ["summarize"]
 
 _LABEL_WIDTH = 16
+_SHOWN_PARAMETERS = 12
 
 
 def summarize(description: Description) -> str:
@@ -51,7 +52,7 @@ def summarize(description: Description) -> str:
             f"{each.name} ({each.successor} = {each.ratio:g} {each.predecessor})" for each in description.couplings
         ),
         "configurations": _joined(each.name for each in description.configurations),
-        "parameters": _joined(f"{each.name} = {each.value:g} {each.unit}" for each in description.parameters.values()),
+        "parameters": _parameters(description),
     }
     lines = [f"{description.name}: {len(description.links)} links, {len(description.loops)} loops"]
     for label, text in rows.items():
@@ -60,6 +61,14 @@ def summarize(description: Description) -> str:
             first = f"  {label:<{_LABEL_WIDTH}}"
             lines.extend(textwrap.wrap(text, 118, initial_indent=first, subsequent_indent=indent))
     return "\n".join(lines)
+
+
+def _parameters(description: Description) -> str:
+    parameters = tuple(description.parameters.values())
+    units = ("" if each.unit == "1" else f" {each.unit}" for each in parameters)
+    shown = [f"{each.name} = {each.value:g}{unit}" for each, unit in zip(parameters, units, strict=True)]
+    more = [f"and {len(shown) - _SHOWN_PARAMETERS} more"] if len(shown) > _SHOWN_PARAMETERS else []
+    return _joined(shown[:_SHOWN_PARAMETERS] + more)
 
 
 def _joined(items: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from leg_dynamics.description.model import Description
 from leg_dynamics.description.topology import actuated_joints, independent_joints
@@ -190,17 +190,24 @@ class Mechanism:
         pivots = np.abs(qr.diagonal())
         smallest = float(pivots.min())
         state = ClosedState(
-            y, q, rows, residual, dependent, (qr, reflectors), qr[:count], smallest / float(pivots.max()), self._selection
+            y,
+            q,
+            rows,
+            residual,
+            dependent,
+            (qr, reflectors),
+            np.asfortranarray(qr[:count]),
+            smallest / float(pivots.max()),
+            self._selection,
         )
         return state
 
     def _solve(self, state: ClosedState, right_hand_side: np.ndarray) -> np.ndarray:
         qr, reflectors = state.factor
-        rotated, _, _ = lapack.dormqr("L", "T", qr, reflectors, right_hand_side, 64 * max(1, right_hand_side.shape[1]))
-        solution, info = lapack.dtrtrs(state.triangle, rotated[: len(self.dependent)])
-        if info != 0:
-            raise self._singular(state)
-        return solution
+        # dormqr's smallest workspace and dtrsm keep to unthreaded code: dgels, dtrtrs and blocked dormqr wake BLAS threads,
+        # which at this size cost a hundred times the arithmetic when other work shares the cores.
+        rotated, _, _ = lapack.dormqr("L", "T", qr, reflectors, right_hand_side, max(1, right_hand_side.shape[1]))
+        return blas.dtrsm(1.0, state.triangle, rotated[: len(self.dependent)])
 
     def _complete(self, state: ClosedState) -> ClosedState:
         """Fill in G; the pose must be regular."""

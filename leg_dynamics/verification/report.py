@@ -132,4 +132,6 @@ class CrosscheckReport:
 
 
 def _badness(check: Check) -> float:
-    return float("inf") if check.worst != check.worst else check.worst / check.tolerance
+    if check.worst != check.worst:
+        return float("inf")
+    return check.worst / check.tolerance if check.tolerance > 0.0 else (0.0 if check.passed else float("inf"))

@@ -105,3 +105,13 @@ def test_rotations_turn_right_handed_about_their_axis(rotation, axis):
     np.testing.assert_allclose(matrix @ np.eye(3)[axis], np.eye(3)[axis], atol=0)
     np.testing.assert_allclose(turned[(axis + 2) % 3], math.sin(angle))
     np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-15)
+
+
+def test_vectors_need_not_have_three_components():
+    long, other = (1.0, 2.0, 3.0, 4.0), (0.5, -1.0, 2.0, 1.0)
+    assert algebra.dot(long, other) == 8.5
+    assert algebra.add(long, other) == (1.5, 1.0, 5.0, 5.0)
+    assert algebra.scale(2.0, long) == (2.0, 4.0, 6.0, 8.0)
+    assert algebra.matvec((long, other), long) == (30.0, 8.5)
+    with pytest.raises(ValueError, match="zip"):
+        algebra.add(long, (1.0, 2.0, 3.0))

@@ -148,17 +148,19 @@ def test_links_fixed_to_a_body_are_merged_into_it(robot, leg):
         "izz='2.5e-4' ixy='1e-5' ixz='0' iyz='0'/></inertial></link><link name='bolt'><inertial><mass value='0.07'/>"
         "<inertia ixx='0' iyy='0' izz='0' ixy='0' ixz='0' iyz='0'/></inertial></link>"
         "<joint name='pad_mount' type='fixed'><parent link='foot'/><child link='pad'/>"
-        "<origin xyz='0.03 0 0.02' rpy='0 0 1.5707963267948966'/></joint>"
+        "<origin xyz='0.03 0 0.02' rpy='0.3 -0.5 1.1'/></joint>"
         "<joint name='bolt_mount' type='fixed'><parent link='pad'/><child link='bolt'/><origin xyz='0 0 0.05'/></joint>"
         "</root>"
     )
     robot.extend(list(payload))
     old = {b.name: b for b in leg.bodies}["foot"]
     new = {b.name: b for b in load(robot).bodies}["foot"]
+    turn, mount = Pose((0.0, 0.0, 0.0), (0.3, -0.5, 1.1)).rotation(), np.array([0.03, 0.0, 0.02])
+    pad = np.array([[1e-4, 1e-5, 0], [1e-5, 2e-4, 0], [0, 0, 2.5e-4]])
     parts = [
         (old.mass, np.array(old.com), np.array(old.inertia)),
-        (0.11, np.array([0.03 - 0.1, 0.0, 0.02]), np.array([[2e-4, -1e-5, 0], [-1e-5, 1e-4, 0], [0, 0, 2.5e-4]])),
-        (0.07, np.array([0.03, 0.0, 0.07]), np.zeros((3, 3))),
+        (0.11, mount + turn @ [0.0, 0.1, 0.0], turn @ pad @ turn.T),
+        (0.07, mount + turn @ [0.0, 0.0, 0.05], np.zeros((3, 3))),
     ]
     mass = sum(m for m, _, _ in parts)
     com = sum(m * c for m, c, _ in parts) / mass
@@ -321,6 +323,10 @@ BROKEN = {
         "loop 'loop_B2' at its successor",
     ),
     "open loop": (set_attribute("loop", "loop_B2", "successor/origin", "xyz", "0.001 0 0"), "gap .* 'loop_B2'"),
+    "turned loop": (
+        set_attribute("loop", "loop_B2", "successor/origin", "rpy", "0 3.141592653589793 0"),
+        "axis of loop 'loop_B2' in the zero pose is opposite",
+    ),
     "no coupling": (drop("coupling", "bevel_3"), "coupling between 'output_shaft' and 'driven_gear_3'"),
     "second coupling": (add_coupling, "coupling 'again'"),
     "gear ratio": (set_ratio, "ratio of coupling 'bevel_2'"),

@@ -104,3 +104,10 @@ def test_roll_pitch_yaw_is_the_product_of_three_rotations(roll: float, pitch: fl
     np.testing.assert_array_equal(matrix[:3, 3], [1, 2, 3])
     np.testing.assert_array_equal(matrix[3], [0, 0, 0, 1])
     np.testing.assert_array_equal(matrix[:3, :3], rotation)
+
+
+def test_a_long_list_of_parameters_is_cut_short() -> None:
+    many = {f"p{n}": Parameter(f"p{n}", n / 8, "1" if n else "m", "assumed") for n in range(15)}
+    text = " ".join(str(dataclasses.replace(parse(TEXT), parameters=many)).split())
+    assert "p0 = 0 m; p1 = 0.125;" in text
+    assert text.endswith("p11 = 1.375; and 3 more")

@@ -330,3 +330,10 @@ def test_importing_the_room_imports_no_renderer() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment, cwd=root.parent
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_the_names_in_an_error_are_at_most_a_line(rod: Path) -> None:
+    rod.with_name("rod_parameters.yaml").write_text(YAML + "".join(f"p{n}: {{value: 1}}\n" for n in range(30)))
+    with pytest.raises(ParameterError, match=r"p17 and 13 more\)") as caught:
+        render(rod, {"L2": 1.0})
+    assert len(caught.value.known) == 33  # type: ignore[attr-defined]

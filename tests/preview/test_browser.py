@@ -78,21 +78,25 @@ def test_the_same_time_gives_the_same_picture(browser: Any, page: str) -> None:
 
 
 def test_the_page_plays_over_and_over(browser: Any, leg: Description, tmp_path: Path) -> None:
-    times = np.linspace(0.0, 0.5, 16)
+    times = np.linspace(0.0, 1.0, 31)
     browser.open_page(write_html(leg, times, {"hip": times}, tmp_path / "short.html").as_uri())
+    # Software drawing on a busy machine may show two pictures a second: count laps instead of waiting a fixed time.
     watch = """new Promise(done => {
-        const seen = [], start = performance.now();
+        const seen = [viewer.animator.time], start = performance.now();
+        let laps = 0;
         const look = () => {
-            seen.push(viewer.animator.time);
-            if (performance.now() - start > 2000) { done(seen); } else { requestAnimationFrame(look); }
+            const time = viewer.animator.time;
+            laps += time < seen[seen.length - 1];
+            seen.push(time);
+            if (laps === 2 || performance.now() - start > 60000) { done(seen); } else { requestAnimationFrame(look); }
         };
         look();
     })"""
     seen = np.array(browser.evaluate(watch))
     assert browser.evaluate("viewer.animator.playing") is True
     assert seen.min() >= 0.0
-    assert seen.max() <= 0.5 + 1e-6
-    assert np.count_nonzero(np.diff(seen) < 0.0) >= 2
+    assert seen.max() <= 1.0 + 1e-6
+    assert np.count_nonzero(np.diff(seen) < 0.0) == 2
     assert np.count_nonzero(np.diff(seen) > 0.0) >= 2
 
 
@@ -210,14 +214,15 @@ def test_a_still_of_no_page_is_a_named_error(tmp_path: Path, monkeypatch: pytest
 
 
 @pytest.mark.parametrize(
-    ("script", "message"), [("echo no display >&2", "no display"), ("true", "no message"), ("sleep 20", "within 0.5 s")]
+    ("script", "message"),
+    [("echo no display >&2", "no display"), ("true", "no message"), ("/bin/sleep 20", "within 0.5 s")],
 )
 def test_a_browser_that_takes_no_picture_is_a_named_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, message: str
 ) -> None:
     page, browser = tmp_path / "leg.html", tmp_path / "browser"
     page.write_text("<p>")
-    browser.write_text(f"#!/bin/sh\nexec {script}\n" if script.startswith("sleep") else f"#!/bin/sh\n{script}\n")
+    browser.write_text(f"#!/bin/sh\nexec {script}\n" if script.startswith("/bin") else f"#!/bin/sh\n{script}\n")
     browser.chmod(0o755)
     monkeypatch.setattr(still.shutil, "which", lambda name: str(browser))
     with pytest.raises(errors.PreviewError, match=message):

@@ -1,0 +1,577 @@
+"""The command line: what it prints, where it exits, what it writes."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import io
+import json
+import subprocess
+import sys
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import leg_dynamics
+from leg_dynamics import cli
+from leg_dynamics.analysis.trajectories import omnileg_eq52
+from leg_dynamics.errors import CrosscheckError, LegDynamicsWarning
+
+# The package's attribute of that name is the function.
+CROSSCHECK = importlib.import_module("leg_dynamics.verification.crosscheck")
+SHORT = ("--duration", "0.1", "--rate", "100")
+
+
+PENDULUM = """
+<robot name="pendulum">
+  <link name="base"/>
+  <link name="[bold]rod"><inertial><mass value="1"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <link name="bob"><inertial><origin xyz="0 0 -1"/><mass value="1"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <joint name="[red]swing" type="continuous"><parent link="base"/><child link="[bold]rod"/><axis xyz="0 1 0"/></joint>
+  <joint name="nod" type="continuous"><parent link="[bold]rod"/><child link="bob"/><axis xyz="0 1 0"/></joint>
+  <configuration name="home"><joint name="nod" value="0.5"/></configuration>
+</robot>
+"""
+
+
+@dataclass
+class Result:
+    code: int
+    out: str
+    err: str
+
+
+def run(*arguments):
+    result = CliRunner().invoke(cli.app, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return Result(result.exit_code, result.stdout, result.stderr)
+
+
+def as_json(*arguments):
+    result = run(*arguments, "--json")
+    assert result.code == 0, result.err
+
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    return json.loads(result.out, parse_constant=refuse)
+
+
+def refused(*arguments):
+    """One readable line on stderr, nothing on stdout, exit code 2."""
+    result = run(*arguments)
+    assert (result.code, result.out) == (2, "")
+    assert result.err.startswith("leg-dynamics: error: ")
+    assert result.err.count("\n") == 1
+    return result.err
+
+
+def table(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    return header, np.array(rows, dtype=float)
+
+
+# The command as a whole.
+
+
+@pytest.mark.parametrize(
+    "command", [[], ["list"], ["info"], ["render"], ["torque"], ["crosscheck"], ["preview"], ["demo"]]
+)
+def test_help_documents_exit_codes(command):
+    result = run(*command, "--help")
+    text = " ".join(result.out.split())
+    assert result.code == 0
+    for part in ("0 done", "1 a check failed", "2 bad usage", "130 interrupted"):
+        assert part in text
+
+
+def test_version():
+    assert run("--version") == Result(0, f"leg-dynamics {leg_dynamics.__version__}\n", "")
+
+
+@pytest.mark.parametrize("arguments", [["no-such-command"], ["torque"], ["torque", "omnileg", "--no-such-option"]])
+def test_bad_usage(arguments):
+    result = run(*arguments)
+    assert (result.code, result.out) == (2, "")
+    assert "Error" in result.err
+
+
+def test_interrupt(monkeypatch):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(leg_dynamics, "available", interrupted, raising=False)
+    assert run("list") == Result(130, "", "leg-dynamics: interrupted\n")
+
+
+def test_disagreement_raised_as_an_error_is_exit_code_1(monkeypatch):
+    def disagree():
+        raise CrosscheckError("two derivations\ndiffer")
+
+    monkeypatch.setattr(leg_dynamics, "available", disagree, raising=False)
+    assert run("list") == Result(1, "", "leg-dynamics: error: two derivations differ\n")
+
+
+def test_warnings_are_one_line_and_do_not_stop(monkeypatch):
+    def odd():
+        warnings.warn("an odd\ninput", LegDynamicsWarning, stacklevel=1)
+        return ()
+
+    monkeypatch.setattr(leg_dynamics, "available", odd, raising=False)
+    result = run("list", "--json")
+    assert (result.code, result.err) == (0, "leg-dynamics: warning: an odd input\n")
+    assert json.loads(result.out) == {"legs": []}
+
+
+def test_a_programming_error_is_not_hidden(monkeypatch):
+    def broken():
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(leg_dynamics, "available", broken, raising=False)
+    with pytest.raises(ZeroDivisionError):
+        run("list")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
+def test_every_terminal_encoding_works(encoding):
+    environment = {"PYTHONIOENCODING": encoding, "PYTHONPATH": str(Path(cli.__file__).parents[1]), "PATH": ""}
+    command = [sys.executable, "-m", "leg_dynamics.cli", "torque", "omnileg", *SHORT]
+    result = subprocess.run(command, capture_output=True, env=environment, check=False)
+    text = result.stdout.decode(encoding)
+    assert (result.returncode, result.stderr) == (0, b"")
+    assert ("N*m" if encoding == "ascii" else "N·m") in text
+
+
+def test_substitutes_are_readable():
+    error = UnicodeEncodeError("ascii", "2 N·m² α", 3, 4, "")
+    assert cli._ascii_substitute(error) == ("*", 4)
+    error.start, error.end = 5, 8
+    assert cli._ascii_substitute(error) == ("^2??", 8)
+    with pytest.raises(UnicodeDecodeError):
+        cli._ascii_substitute(UnicodeDecodeError("ascii", b"\xff", 0, 1, ""))
+
+
+# list, info, render.
+
+
+def test_list():
+    assert "omnileg" in run("list").out
+    (leg,) = (row for row in as_json("list")["legs"] if row["name"] == "omnileg")
+    assert leg["joints"] == ["alpha", "beta", "gamma"]
+    assert leg["actuators"] == ["M2", "M1", "M3"]
+    assert leg["trajectories"][0] == "eq52"
+
+
+def test_info():
+    facts = as_json("info", "omnileg")
+    assert (facts["loops"], facts["couplings"], facts["foot"]) == (5, 3, "foot")
+    np.testing.assert_allclose([joint["upper"] for joint in facts["joints"]], np.radians([65.0, 65.0, 85.0]))
+    assert (facts["mobility"]["mobility"], facts["mobility"]["redundant"]) == (3, 9)
+    assert {parameter["name"]: parameter["value"] for parameter in facts["parameters"]}["L1"] == 0.15
+    text = run("info", "omnileg").out
+    for part in ("gamma", "1.48353", "N·m", "Table 2", "redundant"):
+        assert part in text
+
+
+def test_info_with_a_parameter_set():
+    parameters = as_json("info", "omnileg", "--set", "L1=0.2", "--set", "foot_mass=1")["parameters"]
+    values = {parameter["name"]: parameter["value"] for parameter in parameters}
+    assert (values["L1"], values["foot_mass"], values["L4"]) == (0.2, 1.0, 0.095)
+
+
+def test_infinite_limits_become_null(tmp_path):
+    file = tmp_path / "pendulum[1].urdf"
+    file.write_text(PENDULUM, encoding="utf-8")
+    facts = as_json("info", file)
+    assert facts["joints"][0]["upper"] is None
+    assert facts["foot"] is None
+    # Names from files are text, never markup.
+    assert "[red]swing" in run("info", file).out
+
+
+def test_render_to_stdout_and_file(tmp_path):
+    from leg_dynamics.description import shipped_urdf
+
+    shipped = shipped_urdf("omnileg").read_text(encoding="utf-8")
+    assert run("render", "omnileg").out == shipped
+    result = run("render", "omnileg", "--output", tmp_path / "leg.urdf")
+    assert (result.code, result.out) == (0, f"wrote {tmp_path / 'leg.urdf'}\n")
+    assert (tmp_path / "leg.urdf").read_text(encoding="utf-8") == shipped
+    changed = run("render", "omnileg", "--set", "L1=0.2").out
+    assert changed.startswith("<?xml")
+    assert changed != shipped
+
+
+def test_render_check(tmp_path, monkeypatch):
+    from leg_dynamics import description
+
+    assert run("render", "omnileg", "--check") == Result(0, "omnileg: up to date\n", "")
+    shipped = description.shipped_urdf("omnileg").read_text(encoding="utf-8")
+    stale = tmp_path / "omnileg.urdf"
+    monkeypatch.setattr(description, "shipped_urdf", lambda name: stale)
+    lines = shipped.splitlines(keepends=True)
+    for text, line in (
+        ("".join([*lines[:4], "<!-- changed -->" + lines[4], *lines[5:]]), 5),
+        ("".join(lines[:7]), 8),
+        (shipped + "<!-- more -->\n", len(lines) + 1),
+    ):
+        stale.write_text(text, encoding="utf-8")
+        result = run("render", "omnileg", "--check")
+        assert (result.code, result.out) == (1, "")
+        assert f"omnileg.urdf:{line}: stale" in result.err
+    stale.unlink()
+    assert run("render", "omnileg", "--check").code == 1
+
+
+@pytest.mark.parametrize("more", [("--set", "L1=0.2"), ("--output", "leg.urdf")])
+def test_render_check_goes_alone(more):
+    assert run("render", "omnileg", "--check", *more).code == 2
+
+
+# torque.
+
+
+def test_torque_prints_peaks():
+    result = run("torque", "omnileg", "--trajectory", "eq52", *SHORT)
+    assert result.code == 0
+    for part in ("omnileg along eq52, 0 to 0.1 s, 11 samples", "M1", "M2", "M3", "N·m"):
+        assert part in result.out
+    assert "environment" not in result.out
+
+
+def test_torque_table_is_the_legs_torque(tmp_path):
+    file = tmp_path / "torque.csv"
+    result = run("torque", "omnileg", *SHORT, "--foot-force", "0,-20,20", "--force-window", "0,0.05", "--output", file)
+    assert "environment applies to the foot" in result.out
+    assert f"wrote {file}" in result.out
+    header, rows = table(file)
+    assert ",".join(header).isascii()
+    assert header[:2] == ["t [s]", "q_alpha [rad]"]
+    leg = leg_dynamics.load("omnileg")
+    motion = omnileg_eq52(0.1, 100.0).with_foot_force((0.0, -20.0, 20.0), 0.0, 0.05)
+    column = {name: k for k, name in enumerate(header)}
+    efforts = rows[:, [column[f"tau_{name} [N*m]"] for name in ("M2", "M1", "M3")]]
+    np.testing.assert_array_equal(efforts, leg.torque(motion.q, motion.v, motion.a, foot_force=motion.foot_force))
+    np.testing.assert_array_equal(rows[:, [column[f"foot_{axis} [m]"] for axis in "xyz"]], leg.foot_position(motion.q))
+    np.testing.assert_array_equal(rows[:, [column[f"foot_force_{axis} [N]"] for axis in "xyz"]], motion.foot_force)
+    # The audit's golden value at t = 0 (shipped masses).
+    np.testing.assert_allclose(efforts[0], [-3.0, -0.000002, 0.0], atol=1e-5)
+
+
+def test_torque_json():
+    result = as_json("torque", "omnileg", *SHORT, "--foot-force", "0,-20,20")
+    assert result["samples"] == 11
+    assert "environment applies" in result["foot_force"]
+    peak = result["actuators"][0]
+    assert (peak["name"], peak["unit"], peak["time_of_peak"]) == ("M2", "N·m", 0.0)
+    assert peak["peak"] == pytest.approx(-3.0, abs=1e-5)
+    assert as_json("torque", "omnileg", *SHORT)["foot_force"] is None
+
+
+def test_set_changes_the_torque():
+    force = ("--foot-force", "0,-20,0")
+    short, long = (
+        as_json("torque", "omnileg", *SHORT, *force, *more)["actuators"][0]["peak"]
+        for more in ((), ("--set", "L1=0.3"))
+    )
+    # J^T F at the straight pose: the lever of alpha is L1.
+    assert (short, long) == (pytest.approx(-3.0, abs=1e-3), pytest.approx(-6.0, abs=1e-3))
+
+
+def test_torque_compares_two_routes(tmp_path):
+    plot = tmp_path / "torque.svg"
+    result = as_json("torque", "omnileg", *SHORT, "--compare", "pinocchio", "--plot", plot)
+    comparison = result["comparison"]
+    assert comparison["routes"] == ["closed_form", "pinocchio"]
+    assert comparison["passed"]
+    assert 0.0 <= comparison["largest_difference"] < 1e-9
+    assert result["files"] == {"plot": str(plot)}
+    assert "<svg" in plot.read_text(encoding="utf-8")
+
+
+def test_torque_fails_where_routes_disagree(monkeypatch):
+    monkeypatch.setattr(cli, "AGREEMENT", -1.0)
+    result = run("torque", "omnileg", *SHORT, "--compare", "pinocchio")
+    assert result.code == 1
+    assert "DISAGREE" in result.out
+    assert "the routes closed_form and pinocchio disagree" in result.err
+
+
+def test_torque_plot_is_a_picture(tmp_path):
+    from PIL import Image
+
+    assert run("torque", "omnileg", *SHORT, "--plot", tmp_path / "torque.png").code == 0
+    with Image.open(tmp_path / "torque.png") as image:
+        assert min(image.size) > 700
+        assert len(image.convert("RGB").getcolors(1 << 20)) > 50
+
+
+def test_torque_along_files(tmp_path):
+    motion = omnileg_eq52(1.0, 50.0)
+    leg = leg_dynamics.load("omnileg")
+    start = 10  # away from the straight leg, where a path of the foot has no smooth gamma
+    for name, header, columns in (
+        ("joints.csv", "t,alpha,beta,gamma", motion.q),
+        ("foot.csv", "t,x,y,z", leg.foot_position(motion.q)),
+    ):
+        file = tmp_path / name
+        np.savetxt(file, np.c_[motion.time, columns][start:], delimiter=",", header=header, comments="", fmt="%.17g")
+        result = run("torque", "omnileg", "--trajectory", file, "--output", tmp_path / "out.csv")
+        assert result.code == 0, result.err
+        rows = table(tmp_path / "out.csv")[1]
+        np.testing.assert_allclose(rows[:, 1:4], motion.q[start:], atol=1e-9)
+        expected = leg.torque(motion.q, motion.v, motion.a)[start:]
+        np.testing.assert_allclose(rows[:, 10:13], expected, atol=2e-4)
+
+
+def test_limits_are_kept_unless_told_otherwise():
+    arguments = ("torque", "omnileg", "--duration", "3.5", "--rate", "20")
+    assert "gamma = " in refused(*arguments)
+    assert run(*arguments, "--ignore-limits").code == 0
+
+
+def test_bad_csv_is_one_line(tmp_path):
+    file = tmp_path / "bad [red].csv"
+    file.write_text("t,alpha,beta,gamma\n0,0,0,zero\n", encoding="utf-8")
+    assert f"{file}:2: gamma: 'zero' is not a number" in refused("torque", "omnileg", "--trajectory", file)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("torque", "no_such_leg"), "no_such_leg"),
+        (("torque", "no_such_file.urdf"), "no_such_file.urdf"),
+        (("torque", "omnileg", "--trajectory", "no_such"), "named ones of 'omnileg': eq52"),
+        (("torque", "omnileg", "--trajectory", "no_such.csv"), "cannot be read"),
+        (("torque", "omnileg", "--route", "no_such"), "no_such"),
+        (("torque", "omnileg", "--set", "L17=1"), "L17"),
+        (("torque", "omnileg", "--duration", "-1"), "duration"),
+        (("torque", "omnileg", "--rate", "nan"), "rate"),
+        (("torque", "omnileg", *SHORT, "--foot-force", "0,0,1", "--force-window", "5,6"), "window"),
+        (("torque", "omnileg", "--output", "no_such_folder/torque.csv"), "folder no_such_folder"),
+        (("torque", "omnileg", "--plot", "no_such_folder/torque.png"), "folder no_such_folder"),
+        (("render", "omnileg", "--output", "no_such_folder/leg.urdf"), "folder no_such_folder"),
+        (("preview", "omnileg", "--html", "no_such_folder/page.html"), "folder no_such_folder"),
+        (("info", "omnileg", "--urdf", "no_such.urdf"), "no_such.urdf"),
+        (("crosscheck", "no_such_leg"), "no_such_leg"),
+    ],
+)
+def test_bad_input_is_one_line(arguments, text):
+    assert text in refused(*arguments)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--foot-force", "1,2"),
+        ("--foot-force", "1,2,nan"),
+        ("--foot-force", "1,2,x"),
+        ("--force-window", "0,1"),
+        ("--foot-force", "1,2,3", "--force-window", "0"),
+        ("--set", "L1"),
+        ("--set", "L1=long"),
+        ("--set", "=1"),
+        ("--set", "L1=1", "--set", "L1=2"),
+        ("--plot", "torque.docx"),
+    ],
+)
+def test_bad_options(arguments):
+    result = run("torque", "omnileg", *arguments)
+    assert (result.code, result.out) == (2, "")
+    assert "Invalid value" in result.err
+
+
+def test_duration_and_rate_do_not_go_with_a_file(tmp_path):
+    file = tmp_path / "motion.csv"
+    file.write_text("t,q1,q2,q3\n", encoding="utf-8")
+    assert run("torque", "omnileg", "--trajectory", file, "--rate", "5").code == 2
+
+
+# Output files.
+
+
+def test_a_failed_write_leaves_nothing_behind(tmp_path):
+    target = tmp_path / "result.txt"
+    target.write_text("old", encoding="utf-8")
+
+    def fail(path):
+        path.write_text("half", encoding="utf-8")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(cli.OutputError, match=r"result\.txt cannot be written: No space left on device"):
+        cli._write_atomically(target, fail)
+    assert [path.name for path in tmp_path.iterdir()] == ["result.txt"]
+    assert target.read_text(encoding="utf-8") == "old"
+
+
+def test_a_written_file_is_whole_and_readable_like_any_other(tmp_path):
+    (tmp_path / "other").touch()
+    cli._write_atomically(tmp_path / "result.txt", lambda path: path.write_text("new", encoding="utf-8"))
+    assert (tmp_path / "result.txt").read_text(encoding="utf-8") == "new"
+    assert (tmp_path / "result.txt").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
+def test_a_folder_is_no_output_file(tmp_path):
+    assert "is a folder" in refused("render", "omnileg", "--output", tmp_path)
+
+
+# crosscheck, preview, demo.
+
+
+class Report:
+    def __init__(self, passed):
+        self.passed = passed
+
+    def to_dict(self):
+        return {"passed": self.passed, "worst": np.float64(np.nan), "at": np.array([1.0, np.inf])}
+
+    def __rich__(self):
+        return "[green]a table[/green]"
+
+
+@pytest.mark.parametrize(("passed", "code"), [(True, 0), (False, 1)])
+def test_crosscheck_exit_code_and_json(monkeypatch, passed, code):
+    calls = []
+
+    def crosscheck(leg, samples, seed, progress, **options):
+        progress("torque", 0.5)
+        calls.append((leg, samples, seed, options["parameters"]))
+        return Report(passed)
+
+    monkeypatch.setattr(CROSSCHECK, "crosscheck", crosscheck)
+    result = run("crosscheck", "omnileg", "--samples", "7", "--seed", "3", "--set", "L1=0.2", "--json")
+    assert result.code == code
+    assert json.loads(result.out) == {"passed": passed, "worst": None, "at": [1.0, None]}
+    assert calls == [("omnileg", 7, 3, {"L1": 0.2})]
+    assert run("crosscheck", "omnileg") == Result(code, "a table\n", "")
+
+
+@pytest.mark.parametrize("arguments", [("--samples", "0"), ("--seed", "-1")])
+def test_crosscheck_ranges(arguments):
+    assert run("crosscheck", "omnileg", *arguments).code == 2
+
+
+@pytest.mark.slow
+def test_crosscheck_of_the_real_leg():
+    report = as_json("crosscheck", "omnileg", "--samples", "20")
+    assert report["passed"]
+    assert all(check["passed"] for check in report["checks"])
+
+
+def test_preview_page(tmp_path):
+    page = tmp_path / "preview.html"
+    result = run("preview", "omnileg", "--html", page, *SHORT)
+    assert (result.code, result.out) == (0, f"wrote {page}\n")
+    assert "omnileg, eq52" in page.read_text(encoding="utf-8")
+
+
+def test_preview_gets_the_foot_in_the_root_frame(monkeypatch, tmp_path):
+    seen = {}
+
+    def write_html(description, times, joint_values, path, *, foot_trace, title):
+        seen.update(times=times, values=joint_values, trace=foot_trace)
+        path.write_text("page", encoding="utf-8")
+
+    monkeypatch.setattr("leg_dynamics.preview.write_html", write_html)
+    assert run("preview", "omnileg", "--html", tmp_path / "page.html", "--duration", "1").code == 0
+    assert len(seen["times"]) == 61
+    motion = omnileg_eq52(1.0, 60.0)
+    np.testing.assert_allclose(seen["values"]["phi_D2"], -2.0 * motion.q[:, 2], atol=1e-9)
+    # The root is z-up, the hip frame z-down (turned about x): y and z change sign.
+    foot = leg_dynamics.load("omnileg").foot_position(motion.q) * [1.0, -1.0, -1.0]
+    np.testing.assert_allclose(seen["trace"] - seen["trace"][0], foot - foot[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("more", "opened"), [((), True), (("--no-browser",), False)])
+def test_live_preview(monkeypatch, more, opened):
+    seen = {}
+
+    class View:
+        url = "http://127.0.0.1:7000/static/"
+
+        def wait(self):
+            seen["waited"] = True
+
+    def show_live(description, times, joint_values, *, foot_trace, open_browser, loop):
+        seen["opened"] = open_browser
+        return View()
+
+    monkeypatch.setattr("leg_dynamics.preview.show_live", show_live)
+    result = run("preview", "omnileg", *SHORT, *more)
+    assert result.code == 0
+    assert result.out.startswith(View.url)
+    assert seen == {"opened": opened, "waited": True}
+
+
+def test_preview_of_a_leg_without_trajectories_is_a_still(monkeypatch, tmp_path):
+    file = tmp_path / "pendulum.urdf"
+    file.write_text(PENDULUM, encoding="utf-8")
+    seen = {}
+
+    def write_html(description, times, joint_values, path, *, foot_trace, title):
+        seen.update(times=times.tolist(), nod=joint_values["nod"].tolist(), trace=foot_trace)
+
+    monkeypatch.setattr("leg_dynamics.preview.write_html", write_html)
+    assert run("preview", file, "--html", tmp_path / "page.html").code == 0
+    assert seen == {"times": [0.0], "nod": [0.5], "trace": None}
+
+
+@pytest.fixture
+def quick_demo(monkeypatch):
+    """The demo at a tenth of its rate and with a stand-in for the long cross-check."""
+    full = omnileg_eq52
+    monkeypatch.setattr(
+        "leg_dynamics.analysis.trajectories.omnileg_eq52", lambda duration, rate: full(duration, min(rate, 20.0))
+    )
+    passed = [True]
+    monkeypatch.setattr(CROSSCHECK, "crosscheck", lambda *_, **__: Report(passed[0]))
+    return passed
+
+
+def test_demo_writes_its_three_files(quick_demo, tmp_path):
+    folder = tmp_path / "new" / "demo"
+    result = run("demo", "--output", folder)
+    assert result.code == 0, result.err
+    for name in ("torque.csv", "torque.png", "preview.html"):
+        assert (folder / name).stat().st_size > 5_000
+        assert f"wrote {folder / name}\n" in result.out
+    for part in ("a table", "agree", "environment applies to the foot", "closed_form and pinocchio"):
+        assert part in result.out
+    header, rows = table(folder / "torque.csv")
+    # The audit's golden torques with the shipped masses, at t = 1 s (still loaded) and 1.5 s.
+    efforts = rows[:, header.index("tau_M2 [N*m]") :][:, :3]
+    np.testing.assert_allclose(efforts[20], [-0.781006, 2.275804, 1.634104], atol=1e-5)
+    np.testing.assert_allclose(efforts[30], [0.823331, 0.823327, 0.264922], atol=1e-5)
+
+
+def test_demo_fails_with_the_crosscheck_but_still_writes(quick_demo, tmp_path):
+    quick_demo[0] = False
+    assert run("demo", "--output", tmp_path).code == 1
+    assert (tmp_path / "preview.html").exists()
+
+
+def test_demo_folder_cannot_be_a_file(tmp_path):
+    (tmp_path / "demo").touch()
+    assert "cannot be made" in refused("demo", "--output", tmp_path / "demo")
+
+
+def test_progress_is_shown_on_a_terminal_only(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setenv("TERM", "xterm")
+    assert [rows.start for rows in cli._chunks(600, "torque rows")] == [0, 256, 512]
+    assert "torque rows" in sys.stderr.getvalue()
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    assert len(list(cli._chunks(600, "torque rows"))) == 3
+    assert sys.stderr.getvalue() == ""
