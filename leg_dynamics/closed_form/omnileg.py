@@ -132,7 +132,7 @@ BRANCHES = ("gamma_positive", "gamma_negative")
 ARCCOS_TOLERANCE = 1e-12
 """Excess over 1 of the arccos argument of (13) that counts as rounding: 1.9e-13 m of leg length at L4 = 95 mm.
 
-At gamma = 0 rounding lifts the argument above 1 in about one pose in twenty, by up to a few 1e-15.
+At gamma = 0 rounding lifts the argument above 1 in about one pose in six, by less than 1e-15.
 """
 
 SINGULARITY_LIMIT = 1e-6
