@@ -63,37 +63,7 @@ class Trajectory:
     name: str = "trajectory"
 
     def __post_init__(self) -> None:
-        time = _private_copy("time", self.time)
-        if time.ndim != 1:
-            raise ShapeError(f"time has shape {time.shape}; give one time in seconds a sample, shape (T,)")
-        if time.size == 0:
-            raise TrajectoryError(f"trajectory {self.name!r} has no sample; give at least one")
-        _check_finite("time", time[:, None])
-        late = np.flatnonzero(np.diff(time) <= 0.0)
-        if late.size:
-            i = int(late[0])
-            raise TrajectoryError(
-                f"time must increase from sample to sample, but sample {i} is at {time[i]:g} s and sample {i + 1} at "
-                f"{time[i + 1]:g} s; sort the samples and drop repeated ones",
-                rows=late + 1,
-            )
-        object.__setattr__(self, "time", time)
-        columns: int | None = None
-        for field in ("q", "v", "a"):
-            values = _private_copy(field, getattr(self, field))
-            if values.ndim != 2 or values.shape[0] != time.size or (columns or values.shape[1]) != values.shape[1]:
-                expected = f"({time.size}, {'n' if columns is None else columns})"
-                raise ShapeError(f"{field} has shape {values.shape}; {time.size} times need shape {expected}")
-            columns = values.shape[1]
-            _check_finite(field, values)
-            object.__setattr__(self, field, values)
-        if self.foot_force is not None:
-            force = _private_copy("foot_force", self.foot_force)
-            if force.shape not in ((3,), (time.size, 3)):
-                raise ShapeError(f"foot_force has shape {force.shape}; give (3,) or ({time.size}, 3), in N")
-            force = _private_copy("foot_force", np.broadcast_to(force, (time.size, 3)))
-            _check_finite("foot_force", force)
-            object.__setattr__(self, "foot_force", force)
+        validate_motion(self, ("q", "v", "a"))
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Through the constructor, so that an unpickled copy is validated and read-only too.
@@ -234,6 +204,55 @@ def sample_times(duration: float, rate: float) -> NDArray[np.float64]:
         )
     # A relative allowance, so that e.g. 0.3 s at 10 a second does end at 0.3 s.
     return np.arange(math.floor(intervals * (1.0 + 1e-12)) + 1) / rate
+
+
+def validate_motion(motion: Any, fields: tuple[str, str, str], columns: int | None = None) -> None:
+    """Check a sampled motion and replace its arrays by read-only copies.
+
+    Parameters
+    ----------
+    motion
+        A frozen dataclass with `time`, three coordinate arrays, `foot_force` and `name`.
+    fields : tuple of str
+        Names of the coordinates, rates and accelerations.
+    columns : int, optional
+        Required number of coordinates; any where not given.
+
+    Raises
+    ------
+    ShapeError, NonFiniteError, TrajectoryError
+        As `Trajectory` says.
+    """
+    time = _private_copy("time", motion.time)
+    if time.ndim != 1:
+        raise ShapeError(f"time has shape {time.shape}; give one time in seconds a sample, shape (T,)")
+    if time.size == 0:
+        raise TrajectoryError(f"trajectory {motion.name!r} has no sample; give at least one")
+    _check_finite("time", time[:, None])
+    late = np.flatnonzero(np.diff(time) <= 0.0)
+    if late.size:
+        i = int(late[0])
+        raise TrajectoryError(
+            f"time must increase from sample to sample, but sample {i} is at {time[i]:g} s and sample {i + 1} at "
+            f"{time[i + 1]:g} s; sort the samples and drop repeated ones",
+            rows=late + 1,
+        )
+    object.__setattr__(motion, "time", time)
+    for field in fields:
+        values = _private_copy(field, getattr(motion, field))
+        if values.ndim != 2 or values.shape[0] != time.size or (columns or values.shape[1]) != values.shape[1]:
+            expected = f"({time.size}, {'n' if columns is None else columns})"
+            raise ShapeError(f"{field} has shape {values.shape}; {time.size} times need shape {expected}")
+        columns = values.shape[1]
+        _check_finite(field, values)
+        object.__setattr__(motion, field, values)
+    if motion.foot_force is not None:
+        force = _private_copy("foot_force", motion.foot_force)
+        if force.shape not in ((3,), (time.size, 3)):
+            raise ShapeError(f"foot_force has shape {force.shape}; give (3,) or ({time.size}, 3), in N")
+        force = _private_copy("foot_force", np.broadcast_to(force, (time.size, 3)))
+        _check_finite("foot_force", force)
+        object.__setattr__(motion, "foot_force", force)
 
 
 def _private_copy(name: str, values: ArrayLike) -> NDArray[np.float64]:
