@@ -1,0 +1,1 @@
+"""What a torque costs from Python: every route and its peers, accuracy first, in units of one `pin.rnea`."""
