@@ -513,7 +513,7 @@ def _trajectory(
 ) -> Trajectory:
     from leg_dynamics.analysis.trajectories import from_csv, named
 
-    names = named(leg.description.name)
+    names = named(leg, limits="ignore" if ignore_limits else "error")
     known = f"named ones of {leg.description.name!r}: {', '.join(names) or 'none'}"
     if choice is None:
         if not names:
