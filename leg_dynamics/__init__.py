@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from leg_dynamics.leg import Leg
     from leg_dynamics.routes import available, load
-    from leg_dynamics.verification import crosscheck
+    from leg_dynamics.verification.crosscheck import crosscheck
 
 __all__ = ["Leg", "__version__", "available", "crosscheck", "load"]
 

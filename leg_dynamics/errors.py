@@ -155,18 +155,30 @@ class RowError(LegDynamicsError):
     Attributes
     ----------
     rows : numpy.ndarray
-        Flat indices of the failing rows, shape (k,); ``[0]`` for a single sample.
+        Flat indices of the rows that failed for this reason, sorted, shape (k,); ``[0]`` for a single sample.
     margin : numpy.ndarray
-        By how much each of them misses the limit, shape (k,): negative means outside.
+        By how much each of them misses the limit, shape (k,): negative means outside; NaN where there is no measure.
+    residual : numpy.ndarray
+        Smallest loop residual reached in each of them, shape (k,), where the reason is a loop that does not close.
+    all_rows : numpy.ndarray
+        Flat indices of every row of the call that failed, also those that failed for another reason.
     """
 
     rows: np.ndarray
     margin: np.ndarray
+    all_rows: np.ndarray
 
-    def __init__(self, message: str, *, rows: Any = (0,), margin: Any = np.nan, **evidence: Any) -> None:
+    def __init__(
+        self, message: str, *, rows: Any = (0,), margin: Any = np.nan, all_rows: Any = None, **evidence: Any
+    ) -> None:
         rows = np.atleast_1d(np.asarray(rows, dtype=np.intp))
-        margin = np.broadcast_to(np.asarray(margin, dtype=float), rows.shape).copy()
-        super().__init__(message, rows=rows, margin=margin, **evidence)
+        all_rows = rows if all_rows is None else np.atleast_1d(np.asarray(all_rows, dtype=np.intp))
+        measured = {"margin": margin}
+        if "residual" in evidence:
+            measured["residual"] = evidence.pop("residual")
+        for name, value in measured.items():
+            measured[name] = np.broadcast_to(np.asarray(value, dtype=float), rows.shape).copy()
+        super().__init__(message, rows=rows, **measured, all_rows=all_rows, **evidence)
 
 
 class NonFiniteError(RowError, ValueError):
@@ -184,8 +196,10 @@ class JointLimitError(RowError, ValueError):
 class AssemblyError(RowError, ValueError):
     """The loops could not be closed at these coordinates in the chosen assembly mode.
 
-    `residual` is the smallest loop residual reached, shape (k,); `margin` is the tolerance minus that residual.
+    `margin` is the tolerance minus `residual`.
     """
+
+    residual: np.ndarray
 
 
 class SingularityError(RowError, ArithmeticError):
@@ -211,8 +225,8 @@ class RowFailures:
 
     @property
     def rows(self) -> np.ndarray:
-        """Sorted flat indices of all failing rows."""
-        return np.unique(np.concatenate([rows for rows, _ in self._failures]))
+        """Sorted flat indices of all failing rows, shape (k,)."""
+        return np.unique(np.concatenate([rows for rows, _ in self._failures] or [np.zeros(0, dtype=np.intp)]))
 
     def combined(self, count: int | None) -> RowError:
         """One error for the call: the first failing row's class and sentence, all rows of that class, their margins.
@@ -225,12 +239,19 @@ class RowFailures:
         first_rows, first = min(self._failures, key=lambda failure: int(failure[0].min()))
         kind = type(first)
         same = [(rows, error) for rows, error in self._failures if type(error) is kind]
-        rows = np.concatenate([rows for rows, _ in same])
-        margin = np.concatenate([np.broadcast_to(error.margin, r.shape) for r, error in same])
-        order = np.argsort(rows, kind="stable")
+        rows, position = np.unique(np.concatenate([rows for rows, _ in same]), return_index=True)
+        measured = {}
+        for name in ("margin", "residual"):
+            if hasattr(first, name):
+                values = [np.broadcast_to(getattr(error, name, np.nan), rows.shape) for rows, error in same]
+                measured[name] = np.concatenate(values)[position]
+        every = self.rows
         message = first.message
         if count is not None:
-            total = len(self.rows)
-            message = f"{total} of {count} rows failed, first row {int(first_rows.min())}: {message}"
-        evidence = {key: value for key, value in first.evidence.items() if key not in ("rows", "margin")}
-        return kind(message, rows=rows[order], margin=margin[order], **evidence)
+            others = {type(error).__name__ for _, error in self._failures} - {kind.__name__}
+            reasons = (
+                f" ({len(rows)} with {kind.__name__}, the rest with {', '.join(sorted(others))})" if others else ""
+            )
+            message = f"{len(every)} of {count} rows failed{reasons}; first row {int(first_rows.min())}: {message}"
+        evidence = {k: v for k, v in first.evidence.items() if k not in ("rows", "margin", "residual", "all_rows")}
+        return kind(message, rows=rows, all_rows=every, **measured, **evidence)

@@ -14,18 +14,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leg_dynamics.errors import (
+    ActuationError,
     JointLimitError,
     MissingFootError,
     NonFiniteError,
-    ParameterError,
-    RowFailures,
     RouteError,
+    RowFailures,
     ShapeError,
+    SingularityError,
     UnsupportedError,
 )
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description, Parameter
+    from leg_dynamics.routes import Recipe
 
 __all__ = ["Leg", "Limits", "OnError", "Route", "Units"]
 
@@ -33,6 +35,12 @@ OnError = Literal["raise", "nan"]
 
 # IK may return a joint at its limit, off by the rounding of its inverse.
 LIMIT_TOLERANCE = 1e-9
+
+# Arguments that may be None: no force, the file's gravity.
+OPTIONAL = ("foot_force", "gravity")
+
+# Below this reciprocal condition number, J^-T turns the rounding of the efforts into more than 1e-10 of the force.
+LEAST_RECIPROCAL_CONDITION = 1e-6
 
 
 @dataclass(frozen=True)
@@ -144,15 +152,35 @@ class Route(Protocol):
 def checked(name: str, value: ArrayLike, size: int) -> np.ndarray:
     """A float64 array whose last axis has `size` entries.
 
+    Parameters
+    ----------
+    name : str
+        The argument's name, for the error.
+    value : array_like
+        Integers or real numbers; anything that would have to be guessed at (text, truth values, complex numbers, dates,
+        objects, masked entries) is refused.
+    size : int
+
     Raises
     ------
     ShapeError
-        The value is not numeric or its last axis differs.
+        The value is not made of real numbers, or its last axis differs.
     """
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ShapeError(f"{name} must be numbers, got {type(value).__name__}: {error}", argument=name) from None
+    array = value
+    if type(array) is not np.ndarray:
+        if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+            raise ShapeError(f"{name} has masked entries: fill them or leave those rows out", argument=name)
+        try:
+            array = np.asarray(value)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ShapeError(f"{name} must be numbers in a regular array: {error}", argument=name) from None
+    if array.dtype != np.float64:
+        if array.dtype.kind not in "iuf":
+            found = f"{type(value).__name__} of Python objects" if array.dtype.kind == "O" else str(array.dtype)
+            raise ShapeError(
+                f"{name} must be real numbers, got {found}: convert it to float first", argument=name, dtype=array.dtype
+            )
+        array = array.astype(np.float64)
     if array.ndim == 0 or array.shape[-1] != size:
         raise ShapeError(
             f"{name} has shape {array.shape}, expected ({size},) or (..., {size}): the last axis holds one sample",
@@ -173,34 +201,63 @@ class Leg:
     failing ``rows`` (flat indices) and their ``margin``; ``"nan"`` returns NaN in those rows.
     """
 
-    def __init__(
-        self,
-        route: Route,
-        description: Description,
-        foot: str | None,
-        rebuild: tuple[Callable[..., Leg], tuple[Any, ...]],
-    ) -> None:
-        self._route = route
-        self._description = description
-        self._foot = foot
-        self._rebuild = rebuild
-        self._n = len(route.joint_names)
-        self._m = len(route.actuator_joints)
+    __slots__ = (
+        "_actuator_names",
+        "_description",
+        "_foot",
+        "_gravity",
+        "_limits",
+        "_m",
+        "_n",
+        "_recipe",
+        "_route",
+        "_units",
+    )
+
+    _route: Route
+    _description: Description
+    _foot: str | None
+    _recipe: Recipe
+    _n: int
+    _m: int
+    _limits: Limits
+    _actuator_names: tuple[str, ...]
+    _units: Units
+    _gravity: np.ndarray
+
+    def __init__(self, route: Route, description: Description, foot: str | None, recipe: Recipe) -> None:
         joints = [description.joint(name) for name in route.joint_names]
         fields = ("lower", "upper", "velocity", "effort")
         arrays = {field: np.array([getattr(joint.limits, field) for joint in joints]) for field in fields}
         for array in arrays.values():
             array.setflags(write=False)
-        self._limits = Limits(**arrays)
         actuators = {t.joint: t.actuator for t in description.transmissions}
-        self._actuator_names = tuple(actuators.get(name, name) for name in route.actuator_joints)
         efforts = tuple("N" if description.joint(name).unit == "m" else "N·m" for name in route.actuator_joints)
-        self._units = Units(tuple(joint.unit for joint in joints), efforts)
-        self._gravity = np.array(route.gravity, dtype=float)
-        self._gravity.setflags(write=False)
+        gravity = np.array(route.gravity, dtype=float)
+        gravity.setflags(write=False)
+        values = {
+            "_route": route,
+            "_description": description,
+            "_foot": foot,
+            "_recipe": recipe,
+            "_n": len(route.joint_names),
+            "_m": len(route.actuator_joints),
+            "_limits": Limits(**arrays),
+            "_actuator_names": tuple(actuators.get(name, name) for name in route.actuator_joints),
+            "_units": Units(tuple(joint.unit for joint in joints), efforts),
+            "_gravity": gravity,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a Leg cannot be changed ({name}): load another one, or use replace()")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"a Leg cannot be changed ({name})")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return self._rebuild
+        return type(self._recipe).build, (self._recipe,)
 
     def __repr__(self) -> str:
         joints = ", ".join(self.joint_names)
@@ -222,6 +279,11 @@ class Leg:
     def backend(self) -> Route:
         """The route object itself, for what only that route offers."""
         return self._route
+
+    @property
+    def recipe(self) -> Recipe:
+        """What the leg is made of, enough to make it again."""
+        return self._recipe
 
     @property
     def description(self) -> Description:
@@ -286,21 +348,15 @@ class Leg:
         ParameterError
             A name is unknown, a value is not a finite number, or the leg's file has no parameters.
         """
-        if not parameters:
-            return self
-        if self._description.source is None:
-            raise ParameterError(
-                f"{self.name!r} was read from plain URDF, which has no named parameters: edit the file, or load the xacro "
-                "that generates it"
-            )
-        from leg_dynamics.routes import rebuild_with_parameters
-
-        return rebuild_with_parameters(self._rebuild, parameters)
+        return self._recipe.with_parameters(parameters).build() if parameters else self
 
     # ------------------------------------------------------------------ shapes
 
     def _arguments(self, on_error: OnError, **named: tuple[ArrayLike | None, int]) -> _Call:
-        arrays = {name: None if value is None else checked(name, value, size) for name, (value, size) in named.items()}
+        arrays = {
+            name: None if value is None and name in OPTIONAL else checked(name, value, size)  # type: ignore[arg-type]
+            for name, (value, size) in named.items()
+        }
         return _Call(arrays, on_error)
 
     def _need_foot(self) -> None:
@@ -458,9 +514,7 @@ class Leg:
 
         return call.run(velocity, (3,), "q", "v")
 
-    def foot_acceleration(
-        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, on_error: OnError = "raise"
-    ) -> np.ndarray:
+    def foot_acceleration(self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, on_error: OnError = "raise") -> np.ndarray:
         """Foot acceleration J a + Jdot v in the hip frame, m/s², shape (..., 3)."""
         self._need_foot()
         call = self._arguments(on_error, q=(q, self._n), v=(v, self._n), a=(a, self._n))
@@ -539,8 +593,8 @@ class Leg:
         q, v, a : (..., n) array_like
             Independent coordinates, rates and accelerations.
         foot_force : (..., 3) array_like, optional
-            Force that the environment applies to the foot, N, hip frame. (Xu 2025 (49)-(50) count the force that the foot
-            exerts: the opposite sign.)
+            Force that the environment applies to the foot, N, hip frame. (Xu 2025 (49)-(50) count the force that the
+            foot exerts: the opposite sign.)
         gravity : (..., 3) array_like, optional
             Gravity vector in the hip frame, m/s².
         out : (..., m) float64 array, optional
@@ -594,6 +648,104 @@ class Leg:
             gravity=(gravity, 3),
         )
         return call.run(self._route.generalized_force, (self._n,), "q", "v", "a", "foot_force", "gravity")
+
+    def foot_force(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        tau: ArrayLike,
+        gravity: ArrayLike | None = None,
+        *,
+        on_error: OnError = "raise",
+    ) -> np.ndarray:
+        """Force of the environment on the foot that goes with a motion and measured actuator efforts.
+
+        Solves J^T foot_force = M a + h - tau, Xu 2025 (47)-(48), who count the force that the foot exerts: the opposite
+        sign. The inverse of `torque`: foot_force(q, v, a, torque(q, v, a, F)) = F.
+
+        Parameters
+        ----------
+        q, v, a : (..., 3) array_like
+            Independent coordinates, rates and accelerations.
+        tau : (..., 3) array_like
+            Actuator efforts, N·m or N, in the order of `actuator_names`.
+        gravity : (..., 3) array_like, optional
+            Gravity vector in the hip frame, m/s².
+
+        Returns
+        -------
+        (..., 3) array
+            N, hip frame.
+
+        Raises
+        ------
+        SingularityError
+            J^-T does not exist there (OmniLeg: gamma = 0); `margin` is the smallest singular value of the actuators' J.
+        UnsupportedError
+            The leg has not three coordinates.
+        ActuationError
+            The leg has not three actuators.
+        """
+        self._need_foot()
+        if self._n != 3:
+            raise UnsupportedError(
+                f"{self.name!r} has {self._n} coordinates, but the three components of a foot force follow from three: "
+                "use jacobian and generalized_force",
+                coordinates=self._n,
+            )
+        if self._m != 3:
+            raise ActuationError(
+                f"{self.name!r} has 3 coordinates and {self._m} actuators: their efforts do not determine the foot "
+                "force; use jacobian and generalized_force",
+                motions=self._n,
+                actuators=self._m,
+            )
+        call = self._arguments(on_error, q=(q, 3), v=(v, 3), a=(a, 3), tau=(tau, 3), gravity=(gravity, 3))
+        return call.run(self._solve_foot_force, (3,), "q", "v", "a", "tau", "gravity")
+
+    def _solve_foot_force(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        tau: np.ndarray,
+        gravity: np.ndarray | None,
+        failures: RowFailures,
+    ) -> np.ndarray:
+        missing = np.atleast_2d(self._route.torque(q, v, a, None, gravity, failures) - tau)
+        transfer = self._effort_of_unit_forces(q, failures).reshape(-1, 3, 3)
+        finite = np.isfinite(transfer).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
+        sigma = np.zeros((len(transfer), 3))
+        sigma[finite] = np.linalg.svd(transfer[finite], compute_uv=False)
+        solvable = finite & (sigma[:, 2] >= LEAST_RECIPROCAL_CONDITION * sigma[:, 0])
+        failing = np.flatnonzero(finite & ~solvable)
+        if failing.size:
+            first, smallest = np.atleast_2d(q)[failing[0]], sigma[failing[0], 2]
+            pose = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.joint_names, first, strict=True))
+            failures.add(
+                failing,
+                SingularityError(
+                    f"the foot force does not follow from the efforts at {pose}: in one direction it needs none "
+                    f"(smallest singular value of J {smallest:.3g}, largest {sigma[failing[0], 0]:.3g}); bend "
+                    "the leg, or give a foot force and ask for torques",
+                    rows=failing,
+                    margin=sigma[failing, 2],
+                ),
+            )
+        force = np.full(missing.shape, np.nan)
+        force[solvable] = np.linalg.solve(transfer[solvable], missing[solvable][..., None])[..., 0]
+        return force.reshape(q.shape)
+
+    def _effort_of_unit_forces(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Efforts that the actuators are spared by each unit foot force, (..., 3 efforts, 3 forces)."""
+        route = self._route
+        if set(route.actuator_joints) == set(route.joint_names):
+            actuated = [route.joint_names.index(name) for name in route.actuator_joints]
+            return np.swapaxes(route.foot_jacobian(q, failures), -1, -2)[..., actuated, :]
+        zero = np.zeros_like(q)
+        units = [np.broadcast_to(unit, q.shape) for unit in np.eye(3)]
+        return -np.stack([route.torque(q, zero, zero, unit, zero, failures) for unit in units], axis=-1)
 
     def acceleration(
         self,
@@ -705,13 +857,11 @@ class _Call:
         self.single = self.leading == ()
         self.count = 1 if self.single else int(np.prod(self.leading))
         self.arrays: dict[str, np.ndarray | None] = dict(arrays)
-        for name, array in given.items():
-            if not self.single:
+        if not self.single:
+            for name, array in given.items():
                 size = array.shape[-1]
-                if array.shape[:-1] != self.leading:
-                    array = np.broadcast_to(array, (*self.leading, size))
-                array = array.reshape(self.count, size)
-            self.arrays[name] = array
+                whole = array if array.shape[:-1] == self.leading else np.broadcast_to(array, (*self.leading, size))
+                self.arrays[name] = whole.reshape(self.count, size)
         self.failures = RowFailures()
         self._find_non_finite()
 
@@ -731,6 +881,15 @@ class _Call:
             bad[rows] = True
         self.good = None if not bad.any() else np.flatnonzero(~bad)
 
+    @staticmethod
+    def _check_out(out: Any, shape: tuple[int, ...]) -> None:
+        given = type(out).__name__
+        if isinstance(out, np.ndarray):
+            if out.shape == shape and out.dtype == np.float64 and out.flags.writeable:
+                return
+            given = f"{'' if out.flags.writeable else 'read-only '}{out.dtype} {out.shape}"
+        raise ShapeError(f"out must be a writeable float64 array of shape {shape}, got {given}")
+
     def run(
         self,
         function: Callable[..., np.ndarray],
@@ -740,9 +899,8 @@ class _Call:
     ) -> np.ndarray:
         """Evaluate on the rows whose input is finite, then raise or fill."""
         full = (*self.leading, *shape)
-        if out is not None and (not isinstance(out, np.ndarray) or out.shape != full or out.dtype != np.float64):
-            given = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
-            raise ShapeError(f"out must be a float64 array of shape {full}, got {given}")
+        if out is not None:
+            self._check_out(out, full)
         if self.failures and self.on_error == "raise":
             raise self.failures.combined(None if self.single else self.count)
         if self.good is None:

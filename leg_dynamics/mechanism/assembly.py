@@ -9,17 +9,30 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from leg_dynamics.errors import AssemblyError, LegDynamicsWarning, SingularityError
+from leg_dynamics.mechanism.mobility import check_independent, wrong_independent
 
 if TYPE_CHECKING:
+    from leg_dynamics.description.model import Configuration
     from leg_dynamics.mechanism.mechanism import ClosedState, Mechanism
 
-__all__ = ["configuration_coordinates", "find_closed_poses", "find_seeds"]
+__all__ = [
+    "SAME_POSE",
+    "close_configuration",
+    "configuration_coordinates",
+    "find_closed_poses",
+    "find_seeds",
+    "pose_difference",
+]
 
 # A configuration may be written with rounded numbers; it must still be close to a closed pose.
 SEED_CORRECTION = 0.05
 REGULAR = 1e-6
+# Multi-start has the choice: it leaves poses alone that are nearly singular.
+WELL_REGULAR = 1e-3
 SAME_POSE = 1e-6
+DISTINCT_POSE = 1e-3
 MULTI_START_ATTEMPTS = 60
+MULTI_START_POSES = 12
 
 
 def configuration_coordinates(mechanism: Mechanism, values: dict[str, float]) -> np.ndarray:
@@ -28,18 +41,28 @@ def configuration_coordinates(mechanism: Mechanism, values: dict[str, float]) ->
 
 
 def _close_seed(mechanism: Mechanism, q: np.ndarray) -> ClosedState | None:
-    state = mechanism._correct(q, SEED_CORRECTION)
-    if state is None or state.smallest_pivot < REGULAR:
+    state = mechanism.correct(q, SEED_CORRECTION)
+    if state is None or not state.smallest_pivot > REGULAR:
         return None
-    return mechanism._complete(state)
+    return mechanism.complete(state)
+
+
+def close_configuration(mechanism: Mechanism, configuration: Configuration) -> ClosedState | None:
+    """The closed, regular pose that a configuration means, its rounded numbers corrected; None where there is none."""
+    return _close_seed(mechanism, configuration_coordinates(mechanism, dict(configuration.values)))
+
+
+def pose_difference(mechanism: Mechanism, first: ClosedState, second: ClosedState) -> float:
+    """Largest difference of two poses' tree coordinates, whole turns aside."""
+    return float(np.abs(_wrapped(mechanism, first.q - second.q) / mechanism.closure.coordinate_unit).max())
 
 
 def _same_mode(mechanism: Mechanism, first: ClosedState, second: ClosedState) -> bool:
     try:
-        reached = mechanism._follow(first, second.y)
+        reached = mechanism.follow(first, second.y)
     except (AssemblyError, SingularityError):
         return False
-    return bool(np.abs(reached.q - second.q).max() < SAME_POSE)
+    return pose_difference(mechanism, reached, second) < SAME_POSE
 
 
 def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
@@ -47,37 +70,45 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
 
     The file's configurations are tried in order, ``home`` first; later ones serve as further starting points
     where continuation shows that they belong to the same mode. Where none is closed and regular, a deterministic
-    multi-start chooses the closed pose nearest to home and a `LegDynamicsWarning` says so.
+    multi-start chooses the closed pose nearest to home and a `LegDynamicsWarning` says so. A file without
+    configurations that is closed and regular with all joints at zero starts from there.
 
     Raises
     ------
     AssemblyError
         No closed, regular pose exists among the multi-start's attempts.
+    DescriptionError
+        The independent joints do not fit the mobility.
+
+    Warns
+    -----
+    LegDynamicsWarning
+        Where a configuration is open or singular, or a pose had to be chosen.
     """
     description = mechanism.description
     home = description.home
     ordered = [] if home is None else [home, *(c for c in description.configurations if c is not home)]
-    closed = [
-        state
-        for configuration in ordered
-        if (state := _close_seed(mechanism, configuration_coordinates(mechanism, dict(configuration.values)))) is not None
-    ]
+    attempts = [(configuration, close_configuration(mechanism, configuration)) for configuration in ordered]
+    closed = [state for _, state in attempts if state is not None]
     if closed:
+        check_independent(mechanism, closed[0])
+        unused = [configuration.name for configuration, state in attempts if state is None]
+        if unused:
+            warnings.warn(
+                f"{description.file}: configuration {', '.join(map(repr, unused))} is open or singular and starts no assembly mode",
+                LegDynamicsWarning,
+                stacklevel=4,
+            )
         return (closed[0], *(state for state in closed[1:] if _same_mode(mechanism, closed[0], state)))
 
     start = configuration_coordinates(mechanism, dict(home.values) if home is not None else {})
-    if not ordered and (state := _close_seed(mechanism, start)) is not None:
+    if home is None and (state := _close_seed(mechanism, start)) is not None:
+        check_independent(mechanism, state)
         return (state,)
     poses = find_closed_poses(mechanism, start)
     if not poses:
-        rows = mechanism._evaluate(start)
-        residual = float(np.abs(rows.residual).max())
-        raise AssemblyError(
-            f"no regular closed pose of {description.name!r} was found in {MULTI_START_ATTEMPTS} attempts (residual of the given "
-            f"pose {residual:.3g}): add a <configuration> that closes the loops",
-            residual=residual,
-            margin=-residual,
-        )
+        raise wrong_independent(mechanism, start) or _no_pose(mechanism, start)
+    check_independent(mechanism, poses[0])
     reason = "gives no configuration" if home is None else f"has an open or singular configuration {home.name!r}"
     others = "; ".join(_label(mechanism, pose) for pose in poses[1:4]) or "none found"
     warnings.warn(
@@ -89,43 +120,59 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
     return (poses[0],)
 
 
+def _no_pose(mechanism: Mechanism, start: np.ndarray) -> AssemblyError:
+    residual = float(np.linalg.norm(mechanism.evaluate(start).residual))
+    return AssemblyError(
+        f"no regular closed pose of {mechanism.description.name!r} was found in {MULTI_START_ATTEMPTS} attempts (residual of the "
+        f"given pose {residual:.3g}): add a <configuration> that closes the loops",
+        residual=residual,
+        margin=-residual,
+    )
+
+
 def _label(mechanism: Mechanism, state: ClosedState) -> str:
     pairs = zip(mechanism.tree.joint_names, state.q, strict=True)
     return "(" + ", ".join(f"{name} {value:.4g}" for name, value in pairs) + ")"
 
 
 def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) -> list[ClosedState]:
-    """Closed regular poses from deterministic starting points, nearest to `start` first."""
+    """Closed regular poses from deterministic starting points, nearest to `start` (nv,) first."""
     generator = np.random.default_rng(seed)
-    lower = np.where(np.isfinite(mechanism.lower), np.maximum(mechanism.lower, -np.pi), -np.pi)
-    upper = np.where(np.isfinite(mechanism.upper), np.minimum(mechanism.upper, np.pi), np.pi)
+    unit = mechanism.closure.coordinate_unit
+    lower, upper = mechanism.search_box()
     found: list[ClosedState] = []
-
-    def residual(q: np.ndarray) -> np.ndarray:
-        return mechanism._evaluate(q).residual.copy()
-
-    def jacobian(q: np.ndarray) -> np.ndarray:
-        return np.array(mechanism._evaluate(q).jacobian)
-
     for attempt in range(MULTI_START_ATTEMPTS):
         if attempt < 10:
-            guess = start + 0.1 * attempt * generator.standard_normal(mechanism.nv)
+            guess = start + 0.1 * attempt * unit * generator.standard_normal(mechanism.nv)
         else:
             guess = generator.uniform(lower, upper)
-        solution = least_squares(residual, guess, jac=jacobian, method="trf", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+        solution = least_squares(
+            lambda q: mechanism.evaluate(q).residual,
+            guess,
+            jac=lambda q: np.array(mechanism.evaluate(q).jacobian),
+            x_scale=unit,
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+        )
         if np.abs(solution.fun).max(initial=0.0) > 1e-6:
             continue
-        state = _close_seed(mechanism, np.where(np.abs(solution.x) > np.pi, _wrapped(mechanism, solution.x), solution.x))
-        if state is None or state.smallest_pivot < 1e-3:
+        state = _close_seed(mechanism, _wrapped(mechanism, solution.x))
+        if state is None or not state.smallest_pivot > WELL_REGULAR:
             continue
-        if all(np.abs(state.q - other.q).max() > 1e-3 for other in found):
+        if all(pose_difference(mechanism, state, other) > DISTINCT_POSE for other in found):
             found.append(state)
-        if len(found) >= 12:
+        if len(found) >= MULTI_START_POSES:
             break
-    return sorted(found, key=lambda state: (round(float(np.linalg.norm(state.q - start)), 9), tuple(state.q)))
+
+    def nearness(state: ClosedState) -> tuple[float, ...]:
+        return (round(float(np.linalg.norm((state.q - start) / unit)), 9), *state.q.tolist())
+
+    return sorted(found, key=nearness)
 
 
 def _wrapped(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Turn angles into (-pi, pi]; displacements stay."""
-    is_angle = np.array([mechanism.description.joint(name).type != "prismatic" for name in mechanism.tree.joint_names])
-    return np.where(is_angle, np.arctan2(np.sin(q), np.cos(q)), q)
+    """Turn angles into (-pi, pi]; displacements stay, and angles in couplings, where a whole turn counts."""
+    is_angle = np.array([mechanism.description.joint(name).unit == "rad" for name in mechanism.tree.joint_names])
+    is_free = is_angle & ~mechanism.closure.coupling_matrix.any(axis=0)
+    return np.where(is_free, np.arctan2(np.sin(q), np.cos(q)), q)

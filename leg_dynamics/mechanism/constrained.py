@@ -8,6 +8,9 @@ K_c qdd(tau + K_c^T lambda) = k_c is a small linear system for lambda.
 
 from __future__ import annotations
 
+import threading
+from typing import Literal
+
 import numpy as np
 import pinocchio as pin
 
@@ -16,11 +19,41 @@ from leg_dynamics.mechanism.mechanism import ClosedState, Mechanism
 
 __all__ = ["ConstrainedDynamics"]
 
-HINGE_HALF_LENGTH = 0.05
+# Half the distance of a hinge's two points, in lengths of the mechanism.
+HINGE_HALF_LENGTH = 0.5
+PROXIMAL_ACCURACY = 1e-12
+PROXIMAL_MU = 1e-6
+PROXIMAL_ITERATIONS = 50
+COUPLING_RANK = 1e-7
+
+Algorithm = Literal["constraintDynamics", "lcaba"]
+
+
+class _Workspace(threading.local):
+    """One thread's model copy and the data of both algorithms, initialised in the order that they need."""
+
+    def __init__(self, model: pin.Model, constraints: pin.StdVec_RigidConstraintModel) -> None:
+        self.model = model.copy()
+        self.settings = pin.ProximalSettings(PROXIMAL_ACCURACY, PROXIMAL_ACCURACY, PROXIMAL_MU, PROXIMAL_ITERATIONS)
+        self.data = self.model.createData()
+        self.constraint_data = self._constraint_data(constraints)
+        self.lcaba_data = self.model.createData()
+        self.lcaba_constraint_data = self._constraint_data(constraints)
+        if len(constraints):
+            # Without these calls the algorithms read unallocated memory.
+            pin.initConstraintDynamics(self.model, self.data, constraints)
+            pin.computeJointMinimalOrdering(self.model, self.lcaba_data, constraints)
+
+    @staticmethod
+    def _constraint_data(constraints: pin.StdVec_RigidConstraintModel) -> pin.StdVec_RigidConstraintData:
+        data = pin.StdVec_RigidConstraintData()
+        for constraint in constraints:
+            data.append(constraint.createData())
+        return data
 
 
 class ConstrainedDynamics:
-    """Tree accelerations under loop constraints, by two algorithms of pinocchio.
+    """Tree accelerations under loop constraints, by two algorithms of pinocchio. Safe to use from several threads.
 
     Parameters
     ----------
@@ -34,16 +67,17 @@ class ConstrainedDynamics:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        self.model = mechanism.tree.model.copy()
+        model = mechanism.tree.model
+        half = HINGE_HALF_LENGTH * mechanism.closure.length
         self.constraints = pin.StdVec_RigidConstraintModel()
         for loop, (predecessor, successor) in zip(mechanism.closure.loops, mechanism.closure.ends, strict=True):
+            first, second = model.frames[predecessor], model.frames[successor]
             for kind, offset in self._pairs(loop.type, loop.name):
-                first, second = (self.model.frames[i] for i in (predecessor, successor))
-                shift = pin.SE3(np.eye(3), np.array([0.0, 0.0, offset]))
+                shift = pin.SE3(np.eye(3), np.array([0.0, 0.0, offset * half]))
                 self.constraints.append(
                     pin.RigidConstraintModel(
                         kind,
-                        self.model,
+                        model,
                         first.parentJoint,
                         first.placement * shift,
                         second.parentJoint,
@@ -51,24 +85,12 @@ class ConstrainedDynamics:
                         pin.LOCAL,
                     )
                 )
-        self.settings = pin.ProximalSettings(1e-12, 1e-12, 1e-6, 50)
-        self.data = self.model.createData()
-        self.constraint_data = pin.StdVec_RigidConstraintData()
-        for constraint in self.constraints:
-            self.constraint_data.append(constraint.createData())
-        # Without this call constraintDynamics reads unallocated memory.
-        pin.initConstraintDynamics(self.model, self.data, self.constraints)
-        self.lcaba_data = self.model.createData()
-        self.lcaba_constraint_data = pin.StdVec_RigidConstraintData()
-        for constraint in self.constraints:
-            self.lcaba_constraint_data.append(constraint.createData())
-        if len(self.constraints):
-            pin.computeJointMinimalOrdering(self.model, self.lcaba_data, self.constraints)
+        self._workspace = _Workspace(model, self.constraints)
 
     @staticmethod
     def _pairs(kind: str, name: str) -> list[tuple[pin.ContactType, float]]:
         if kind in ("revolute", "continuous"):
-            return [(pin.ContactType.CONTACT_3D, HINGE_HALF_LENGTH), (pin.ContactType.CONTACT_3D, -HINGE_HALF_LENGTH)]
+            return [(pin.ContactType.CONTACT_3D, 1.0), (pin.ContactType.CONTACT_3D, -1.0)]
         if kind == "spherical":
             return [(pin.ContactType.CONTACT_3D, 0.0)]
         if kind == "fixed":
@@ -78,23 +100,26 @@ class ConstrainedDynamics:
             loop=name,
         )
 
-    def _solve(self, algorithm: str, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        if algorithm == "lcaba" and len(self.constraints):
+    def _solve(self, algorithm: Algorithm, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        work = self._workspace
+        if not len(self.constraints):
+            return np.array(pin.aba(work.model, work.data, q, qd, tau))
+        if algorithm == "lcaba":
             return np.array(
                 pin.lcaba(
-                    self.model,
-                    self.lcaba_data,
+                    work.model,
+                    work.lcaba_data,
                     q,
                     qd,
                     tau,
                     self.constraints,
-                    self.lcaba_constraint_data,
-                    self.settings,
+                    work.lcaba_constraint_data,
+                    work.settings,
                 )
             )
         return np.array(
             pin.constraintDynamics(
-                self.model, self.data, q, qd, tau, self.constraints, self.constraint_data, self.settings
+                work.model, work.data, q, qd, tau, self.constraints, work.constraint_data, work.settings
             )
         )
 
@@ -105,39 +130,52 @@ class ConstrainedDynamics:
         tau: np.ndarray,
         foot_force: np.ndarray | None = None,
         gravity: np.ndarray | None = None,
-        algorithm: str = "constraintDynamics",
+        algorithm: Algorithm = "constraintDynamics",
     ) -> np.ndarray:
-        """Accelerations of the independent coordinates, shape (n,); `algorithm` is constraintDynamics or lcaba.
+        """Accelerations of the independent coordinates, shape (n,).
+
+        Parameters
+        ----------
+        state : ClosedState
+        v : (n,) array
+        tau : (m,) array
+            Actuator efforts, N·m or N.
+        foot_force, gravity : (3,) array, optional
+            Hip frame, N and m/s².
+        algorithm : {"constraintDynamics", "lcaba"}
+            Without loops both are the articulated-body algorithm.
 
         Raises
         ------
         SingularityError
             The algorithm returns no finite acceleration.
+        UnsupportedError
+            There is no such algorithm.
         """
+        if algorithm not in ("constraintDynamics", "lcaba"):
+            raise UnsupportedError(f"algorithm must be 'constraintDynamics' or 'lcaba', got {algorithm!r}")
         mechanism = self.mechanism
         closure = mechanism.closure
-        self.model.gravity.linear = mechanism.hip_rotation @ (mechanism.gravity if gravity is None else gravity)
+        self._workspace.model.gravity.linear = mechanism.hip_rotation @ (mechanism.gravity if gravity is None else gravity)
         q = mechanism.tree.to_configuration(state.q)
         qd = state.G @ v
         effort = np.zeros(mechanism.nv)
         effort[mechanism.actuated] = tau
         if mechanism.dissipates:
-            effort -= mechanism._dissipation(qd)
+            effort -= mechanism.joint_friction(state, v, qd)
         if foot_force is not None:
-            mechanism._place(state)
-            effort += mechanism._tree_foot_jacobian().T @ (mechanism.hip_rotation @ foot_force)
+            mechanism.place(state)
+            effort += mechanism.tree_foot_jacobian().T @ (mechanism.hip_rotation @ foot_force)
         qdd = self._solve(algorithm, q, qd, effort)
-        couplings = closure.coupling_matrix
-        if len(couplings):
-            response = np.column_stack(
-                [self._solve(algorithm, q, qd, effort + row) - qdd for row in couplings]
-            )
+        couplings = closure.coupling_rows
+        if len(couplings) and np.isfinite(qdd).all():
+            response = np.column_stack([self._solve(algorithm, q, qd, effort + row) - qdd for row in couplings])
             compliance = couplings @ response
-            multipliers, *_ = np.linalg.lstsq(compliance, -(couplings @ qdd), rcond=1e-7)
+            multipliers, *_ = np.linalg.lstsq(compliance, -(couplings @ qdd), rcond=COUPLING_RANK)
             qdd = self._solve(algorithm, q, qd, effort + couplings.T @ multipliers)
         if not np.isfinite(qdd).all():
             raise SingularityError(
-                f"{algorithm} gives no finite acceleration at {mechanism._pose(state.y)}: the mass matrix or the "
+                f"{algorithm} gives no finite acceleration at {mechanism.pose_text(state.y)}: the mass matrix or the "
                 "constraints are singular there; use the projected forward dynamics"
             )
         return qdd[mechanism.independent]

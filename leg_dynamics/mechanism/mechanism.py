@@ -6,6 +6,7 @@ qd = G yd, qdd = G ydd + g, and tau = G^T rnea(q, G yd, G ydd + g).
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import dataclass
 from typing import Any
@@ -28,25 +29,37 @@ from leg_dynamics.mechanism.tree import STANDARD_GRAVITY, FrameMemory, Tree
 
 __all__ = ["ClosedState", "LoopForces", "Mechanism"]
 
+# All lengths are relative to the mechanism's characteristic length (`Closure.length`), angles in rad.
 # Newton is quadratic: after a step below STEP_TOLERANCE the error is at rounding level.
 STEP_TOLERANCE = 1e-9
 RESIDUAL_TARGET = 4e-15
 RESIDUAL_TOLERANCE = 1e-10
+POLISH = 1e-13
 NEWTON_ITERATIONS = 12
 CONTINUATION_STEP = 0.3
-SMALLEST_STEP = 1e-5
+SMALLEST_STEP = 1e-6
+# Further away than this from every seed nothing is followed: it would take minutes.
+FARTHEST = 1e3
 # The tangent must predict the corrected point to this share of the step, or the step is halved.
 CORRECTION_SHARE = 0.3
 SAFE_CORRECTION = 0.01
 RANK_TOLERANCE = 1e-9
+# At a dead centre G grows like 1/sigma, at a bifurcation it does not: their product tells them apart.
+DEAD_CENTRE = 0.03
+# A joint speed below this share of its terms is their rounding, not a motion that friction opposes.
+STANDSTILL = 1e-13
+# Pivots of the mass matrix with unit diagonal: below this a motion has no mass of its own.
+SMALLEST_MASS = 1e-13
 
 
 @dataclass(slots=True)
 class ClosedState:
     """A closed pose with everything that depends on the pose alone.
 
-    `q` (nv,) tree coordinates; `y` (n,) independent ones; `residual` the largest |phi|; `factor` the QR factors of
-    the dependent columns of K; `G` (nv, n); `smallest_pivot` the smallest |R_ii|.
+    `q` (nv,) tree coordinates; `y` (n,) independent ones; `residual` the norm of phi, dimensionless as in
+    `ClosureRows`; `dependent_jacobian` (r, nv - n) the dependent columns of K per unit of `Closure.coordinate_unit`;
+    `factor` and `triangle` its QR factors; `smallest_pivot` the smallest |R_ii| over the largest or 1; `G` (nv, n) per rad
+    and m. `inverse_norm` bounds 1 / (smallest singular value) from above once it was asked for, else 0.
     """
 
     y: np.ndarray
@@ -58,15 +71,20 @@ class ClosedState:
     triangle: np.ndarray
     smallest_pivot: float
     G: np.ndarray
+    inverse_norm: float = 0.0
 
 
 @dataclass(frozen=True)
 class LoopForces:
     """Minimum-norm loop forces: what each loop joint transmits from its predecessor to its successor.
 
+    The norm weighs forces by the mechanism's characteristic length, so that N and N·m add up.
+
     `wrenches` maps a loop to (force N, moment N·m) in the predecessor's loop frame (z along the loop axis);
-    `couplings` maps a coupling to its multiplier. Where `redundant_rows` > 0 the mechanism is overconstrained:
-    internal forces are not unique, and these are the ones of smallest norm; actuator torques are unique all the same.
+    `couplings` maps a coupling to its multiplier: the generalised force on a joint is the sum of its coefficients times
+    the multipliers. Where `redundant_rows` > 0 the mechanism is overconstrained: internal forces are not unique, and these
+    are the ones of smallest norm; actuator torques are unique all the same. `imbalance` is the largest remaining error of
+    the tree's balance, N·m or N.
     """
 
     wrenches: dict[str, tuple[np.ndarray, np.ndarray]]
@@ -133,13 +151,19 @@ class Mechanism:
         self.hip_rotation = self._hip_rotation(self.hip)
         self.gravity = self.hip_rotation.T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
         model.gravity.linear = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+        unit = self.closure.coordinate_unit
+        self._unit = unit[self.independent]
+        self._dependent_unit = unit[self.dependent]
+        self._has_lengths = bool((unit != 1.0).any())
         self._selection = np.zeros((self.nv, self.n))
         self._selection[self.independent, np.arange(self.n)] = 1.0
         if self.closure.rows < len(self.dependent):
             raise DescriptionError(
                 f"{len(self.dependent)} dependent joints but only {self.closure.rows} loop and coupling rows: the mechanism "
-                f"has more than {self.n} free motions; mark more joints independent or add the missing loops",
+                f"has at least {self.nv - self.closure.rows} free motions and {self.n} joints are independent; mark more "
+                "joints independent or add the missing loops",
                 file=description.file,
+                independent=self.n,
             )
         self._workspace = _Workspace(self.tree)
         self._seed_lock = threading.RLock()
@@ -171,164 +195,271 @@ class Mechanism:
 
     # ------------------------------------------------------------------ closing the loops
 
-    def _evaluate(self, q: np.ndarray) -> ClosureRows:
+    def evaluate(self, q: np.ndarray) -> ClosureRows:
+        """Loop and coupling rows at tree coordinates q (nv,), closed or not."""
         work = self._workspace
         pin.computeJointJacobians(work.model, work.data, self.tree.to_configuration(q))
         pin.updateFramePlacements(work.model, work.data)
         return self.closure.evaluate(q, work.memory.rows(), work.data.J)
 
     def _state(self, q: np.ndarray, rows: ClosureRows) -> ClosedState:
-        residual = float(np.abs(rows.residual).max(initial=0.0))
         y = q[self.independent]
         count = len(self.dependent)
         if count == 0:
+            residual = float(np.linalg.norm(rows.residual))
             empty = np.zeros((0, 0))
             return ClosedState(y, q, rows, residual, empty, (empty, empty), empty, np.inf, self._selection)
-        columns = rows.jacobian.T
-        dependent = columns.take(self.dependent, 0).T
+        dependent = rows.jacobian.T.take(self.dependent, 0).T
+        if self._has_lengths:
+            dependent *= self._dependent_unit
         qr, reflectors, _, _ = lapack.dgeqrf(dependent)
-        pivots = np.abs(qr.diagonal())
-        smallest = float(pivots.min())
-        state = ClosedState(
+        return ClosedState(
             y,
             q,
             rows,
-            residual,
+            math.sqrt(rows.residual.dot(rows.residual)),
             dependent,
             (qr, reflectors),
             np.asfortranarray(qr[:count]),
-            smallest / float(pivots.max()),
+            np.nan,
             self._selection,
         )
-        return state
 
     def _solve(self, state: ClosedState, right_hand_side: np.ndarray) -> np.ndarray:
+        """Least-squares solution of (dependent columns) x = right-hand side, in units of `coordinate_unit`."""
         qr, reflectors = state.factor
         # dormqr's smallest workspace and dtrsm keep to unthreaded code: dgels, dtrtrs and blocked dormqr wake BLAS threads,
         # which at this size cost a hundred times the arithmetic when other work shares the cores.
-        rotated, _, _ = lapack.dormqr("L", "T", qr, reflectors, right_hand_side, max(1, right_hand_side.shape[1]))
+        rotated, _, _ = lapack.dormqr("L", "T", qr, reflectors, right_hand_side, right_hand_side.shape[1])
         return blas.dtrsm(1.0, state.triangle, rotated[: len(self.dependent)])
 
-    def _complete(self, state: ClosedState) -> ClosedState:
-        """Fill in G; the pose must be regular."""
+    def _measure_pivots(self, state: ClosedState) -> None:
+        if len(self.dependent):
+            pivots = abs(state.triangle.diagonal()).tolist()
+            # K is dimensionless: a single small column is singular too.
+            state.smallest_pivot = min(pivots) / max(1.0, *pivots)
+
+    def complete(self, state: ClosedState) -> ClosedState:
+        """Fill in G of a closed pose.
+
+        Raises
+        ------
+        SingularityError
+            The independent joints do not determine the others there.
+        """
         if len(self.dependent) == 0:
             return state
-        if state.smallest_pivot < RANK_TOLERANCE:
+        if state.smallest_pivot != state.smallest_pivot:
+            self._measure_pivots(state)
+        if not state.smallest_pivot > RANK_TOLERANCE:
             raise self._singular(state)
         G = self._selection.copy()
-        G[self.dependent] = self._solve(state, -state.rows.jacobian.T.take(self.independent, 0).T)
+        dependent = self._solve(state, -state.rows.jacobian.T.take(self.independent, 0).T)
+        G[self.dependent] = dependent * self._dependent_unit[:, None] if self._has_lengths else dependent
         state.G = G
         return state
 
     def _singular(self, state: ClosedState) -> SingularityError:
         sigma = np.linalg.svd(state.dependent_jacobian, compute_uv=False)
         return SingularityError(
-            f"the closure is singular at {self._pose(state.y)}: smallest singular value {sigma[-1]:.3g} of largest "
+            f"the closure is singular at {self.pose_text(state.y)}: smallest singular value {sigma[-1]:.3g} of largest "
             f"{sigma[0]:.3g}; the independent joints do not determine the others there: move away from this pose, or "
             "choose other independent joints",
             margin=float(sigma[-1]),
             residual=state.residual,
         )
 
-    def _pose(self, y: np.ndarray) -> str:
+    def search_box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Joint limits (nv,), cut to half a turn and to four lengths of the mechanism either way."""
+        reach = np.where(
+            [self.description.joint(name).unit == "m" for name in self.tree.joint_names], 4.0 * self.closure.length, np.pi
+        )
+        lower = np.where(self.upper > -reach, np.maximum(self.lower, -reach), self.lower)
+        upper = np.where(self.lower < reach, np.minimum(self.upper, reach), self.upper)
+        return lower, upper
+
+    def pose_text(self, y: np.ndarray) -> str:
+        """Independent coordinates (n,) as words for an error message."""
         return ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.joint_names, y, strict=True))
 
-    def _correct(self, q: np.ndarray, allowed: float) -> ClosedState | None:
-        """Newton on the dependent coordinates with y fixed; None where it would leave the neighbourhood `allowed`."""
+    def distance(self, change: np.ndarray) -> float:
+        """Largest change of the independent coordinates (n,), lengths relative to the mechanism's."""
+        if self._has_lengths:
+            change = change / self._unit
+        return float(abs(change).max())
+
+    def correct(self, q: np.ndarray, allowed: float) -> ClosedState | None:
+        """Newton on the dependent coordinates with y fixed; None where it would leave the neighbourhood `allowed`.
+
+        Parameters
+        ----------
+        q : (nv,) array
+            Tree coordinates to start from.
+        allowed : float
+            Largest norm of a step of the dependent coordinates, rad, or shares of the mechanism's length.
+
+        Returns
+        -------
+        ClosedState or None
+            Without G: see `complete`.
+        """
         previous = np.inf
         state: ClosedState | None = None
         for _ in range(NEWTON_ITERATIONS):
-            rows = self._evaluate(q)
+            rows = self.evaluate(q)
             state = self._state(q, rows)
             if state.residual <= RESIDUAL_TARGET or previous <= STEP_TOLERANCE:
                 break
-            if state.smallest_pivot < RANK_TOLERANCE:
-                return None
+            # At a singular pose the step is infinite or NaN, and refused.
             step = self._solve(state, -rows.residual.reshape(-1, 1)).ravel()
-            size = float(np.abs(step).max(initial=0.0))
+            size = math.sqrt(step.dot(step))
             if not size <= min(allowed, 0.5 * previous if previous > 1e-6 else np.inf):
                 return None
             q = q.copy()
-            q[self.dependent] += step
+            q[self.dependent] += step * self._dependent_unit if self._has_lengths else step
+            if size <= POLISH:
+                # Below the accuracy of any use of K: the rows need no second look.
+                state.q = q
+                break
             previous = size
         if state is None or not state.residual <= RESIDUAL_TOLERANCE:
             return None
+        self._measure_pivots(state)
         # Too small a correction to turn a pair over needs no look at it.
         if allowed > SAFE_CORRECTION and not self.closure.points_the_same_way(self._workspace.memory.rows()):
             return None
         return state
 
-    def _crossed_singularity(self, before: ClosedState, after: ClosedState, step: float) -> bool:
-        """Whether the closure's orientation flipped between two neighbouring poses.
+    def _crosses_singularity(self, before: ClosedState, after: ClosedState) -> bool:
+        """Whether the closure may have been singular between two neighbouring poses.
 
-        For K1 and K2 close together and regular, K1^T K2 is close to a positive definite matrix; its determinant
-        turns negative when a singular value passes through zero in between. Far from singular poses the
-        test is not needed.
+        On the straight line from K1 to K2 the rank drops exactly where K1^+ K2 has a real eigenvalue <= 0, however many
+        singular values pass through zero at once (a determinant's sign would miss an even number). It cannot where
+        |K2 - K1| is below the smallest singular value of K1.
         """
-        if min(before.smallest_pivot, after.smallest_pivot) > 2.0 * step:
+        change = (after.dependent_jacobian - before.dependent_jacobian).ravel("K")
+        if before.inverse_norm == 0.0:
+            # The reflectors below the diagonal count as well: a safe bound, and dtrtri wakes no threads.
+            inverse = lapack.dtrtri(before.triangle)[0].ravel("K")
+            before.inverse_norm = math.sqrt(inverse.dot(inverse))
+        if math.sqrt(change.dot(change)) * before.inverse_norm < 1.0:
             return False
-        lu, pivots, _ = lapack.dgetrf(before.dependent_jacobian.T @ after.dependent_jacobian)
-        swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
-        negatives = int(np.count_nonzero(lu.diagonal() < 0.0))
-        return (swaps + negatives) % 2 == 1
+        eigenvalues = np.linalg.eigvals(self._solve(before, after.dependent_jacobian))
+        return bool((eigenvalues.real <= 0.0).any())
 
-    def _advance(self, start: ClosedState, y: np.ndarray) -> ClosedState | None:
-        """One predictor-corrector step from a closed pose to y in the same assembly mode, or None."""
-        change = y - start.y
-        movement = start.G @ change
-        size = float(np.abs(movement).max(initial=0.0))
+    def advance(self, start: ClosedState, y: np.ndarray) -> ClosedState | None:
+        """One predictor-corrector step from a closed pose to y (n,) in the same assembly mode, or None."""
+        movement = start.G.dot(y - start.y)
         q = start.q + movement
         q[self.independent] = y
-        state = self._correct(q, CORRECTION_SHARE * size + 1e-7)
-        if state is None or state.smallest_pivot < RANK_TOLERANCE:
+        if len(self.dependent) == 0:
+            return self.correct(q, 0.0)
+        if self._has_lengths:
+            movement /= self.closure.coordinate_unit
+        state = self.correct(q, CORRECTION_SHARE * math.sqrt(movement.dot(movement)) + 1e-7)
+        if state is None or not state.smallest_pivot > RANK_TOLERANCE or self._crosses_singularity(start, state):
             return None
-        if len(self.dependent) and self._crossed_singularity(start, state, size):
-            return None
-        return self._complete(state)
+        return self.complete(state)
 
-    def _follow(self, start: ClosedState, y: np.ndarray) -> ClosedState:
-        """Continuation along the straight line in y from a closed pose, halving the step where Newton strays."""
-        total = float(np.abs(y - start.y).max(initial=0.0))
-        done, step = 0.0, min(1.0, CONTINUATION_STEP / total) if total > 0 else 1.0
+    def follow(self, start: ClosedState, y: np.ndarray) -> ClosedState:
+        """Continuation along the straight line in y from a closed pose, halving the step where Newton strays.
+
+        Raises
+        ------
+        AssemblyError
+            The mode ends on the way; carries `residual` and the last pose `reached`.
+        SingularityError
+            The closure is singular on the way, so that its continuation is ambiguous.
+        """
+        total = self.distance(y - start.y)
+        if self.closure.loops and not total <= FARTHEST:
+            raise AssemblyError(
+                f"{self.pose_text(y)} is {total:.3g} away from the nearest known closed pose, more than {FARTHEST:g}: take whole "
+                "turns off the coordinates",
+                margin=FARTHEST - total,
+                residual=np.nan,
+                reached=start.y.copy(),
+            )
+        # Couplings alone are linear: one step is exact.
+        longest = CONTINUATION_STEP / total if self.closure.loops and total > 0.0 else 1.0
+        done, step = 0.0, min(1.0, longest)
         state, origin = start, start.y
         while done < 1.0:
             share = min(step, 1.0 - done)
             target = y if done + share >= 1.0 else origin + (done + share) * (y - origin)
-            reached = self._advance(state, target)
+            reached = self.advance(state, target)
             if reached is None:
                 step = share / 2.0
                 if step < SMALLEST_STEP:
-                    raise self._lost(state, target, done)
+                    raise self._lost(state, y, done)
                 continue
-            state, done, step = reached, done + share, step * 1.5
+            state, done, step = reached, done + share, min(step * 1.5, 2.0 * longest)
         return state
 
-    def _lost(self, state: ClosedState, target: np.ndarray, done: float) -> AssemblyError | SingularityError:
-        if state.smallest_pivot < 1e-4 and len(self.dependent):
-            sigma = np.linalg.svd(state.dependent_jacobian, compute_uv=False)
-            if sigma[-1] < 1e-3 * sigma[0]:
-                return SingularityError(
-                    f"the assembly mode cannot be followed past a singular pose of the closure near {self._pose(state.y)} "
-                    f"(smallest singular value {sigma[-1]:.3g} of {sigma[0]:.3g}, {done:.1%} of the way); take a path around it or "
-                    "start from a configuration on the other side",
-                    margin=float(sigma[-1]),
-                    residual=state.residual,
-                )
+    def _lost(self, state: ClosedState, y: np.ndarray, done: float) -> AssemblyError | SingularityError:
+        """The error for a mode that was followed to `state` and not on to y."""
         q = state.q.copy()
-        q[self.independent] = target
-        residual = float(np.abs(self._evaluate(q).residual).max())
+        q[self.independent] = y
+        residual = self._smallest_residual(q)
+        followed = f"the assembly mode was followed to {done:.1%} of the way ({self.pose_text(state.y)})"
+        if len(self.dependent):
+            sigma = np.linalg.svd(state.dependent_jacobian, compute_uv=False)
+            share = float(sigma[-1] / sigma[0]) if sigma[0] > 0.0 else 0.0
+            if share < 1e-3 and share * float(np.abs(state.G).max()) < DEAD_CENTRE:
+                return SingularityError(
+                    f"the way to {self.pose_text(y)} passes a singular pose of the closure, where assembly modes meet: "
+                    f"{followed}, smallest singular value {sigma[-1]:.3g} of {sigma[0]:.3g}; take a path around it or start from "
+                    "a configuration on the other side",
+                    margin=float(sigma[-1]),
+                    residual=residual,
+                    reached=state.y.copy(),
+                )
+        if residual <= RESIDUAL_TOLERANCE:
+            reason = "they can be closed there, but only at or beyond a singular pose of this mode"
+        else:
+            reason = f"there the residual cannot be made smaller than {residual:.3g}, the tolerance is {RESIDUAL_TOLERANCE:g}"
         return AssemblyError(
-            f"the loops cannot be closed at {self._pose(target)}: the assembly mode was followed to {done:.1%} of the way "
-            f"({self._pose(state.y)}), one step further the residual is {residual:.3g} against {RESIDUAL_TOLERANCE:g}; "
-            "the pose is out of this mode's reach",
-            margin=RESIDUAL_TOLERANCE - residual,
+            f"the loops cannot be closed at {self.pose_text(y)}: {followed}; {reason}: stay inside this mode's reach, or give a "
+            "configuration of the mode that you mean",
+            margin=min(RESIDUAL_TOLERANCE - residual, 0.0),
             residual=residual,
             reached=state.y.copy(),
         )
 
+    def _smallest_residual(self, q: np.ndarray) -> float:
+        """Norm of phi where it is smallest over the dependent coordinates, from q."""
+        if len(self.dependent) == 0:
+            return float(np.linalg.norm(self.evaluate(q).residual))
+        from scipy.optimize import least_squares
+
+        def place(x: np.ndarray) -> np.ndarray:
+            moved = q.copy()
+            moved[self.dependent] = x
+            return moved
+
+        solution = least_squares(
+            lambda x: self.evaluate(place(x)).residual,
+            q[self.dependent],
+            jac=lambda x: self.evaluate(place(x)).jacobian[:, self.dependent],
+            x_scale=self._dependent_unit,
+            xtol=1e-15,
+            ftol=1e-15,
+            gtol=1e-15,
+            max_nfev=20,
+        )
+        return float(np.linalg.norm(solution.fun))
+
     @property
     def seeds(self) -> tuple[ClosedState, ...]:
-        """Closed, regular poses that define the assembly mode: the file's configurations, home first."""
+        """Closed, regular poses that define the assembly mode: the file's configurations, home first.
+
+        Raises
+        ------
+        AssemblyError
+            No closed, regular pose was found.
+        DescriptionError
+            The independent joints do not fit the mechanism's mobility.
+        """
         if self._seeds is None:
             with self._seed_lock:
                 if self._seeds is None:
@@ -340,25 +471,38 @@ class Mechanism:
     def close(self, y: np.ndarray) -> ClosedState:
         """Tree coordinates that close the loops at y (n,), in the assembly mode of the nearest seed.
 
+        Starts from this thread's last pose where it is near, else follows the mode from a seed. Close to the boundary
+        of the mode's reach, a pose may be reached from a neighbour and not on the straight way from a seed.
+
         Raises
         ------
         AssemblyError
             The mode has no such pose; carries `residual` and the last pose `reached`.
         SingularityError
             The way there, or the pose itself, is singular.
+        DescriptionError
+            The independent joints do not fit the mechanism's mobility.
         """
         work = self._workspace
         last = work.last
-        if last is not None and float(np.abs(y - last.y).max()) <= CONTINUATION_STEP:
-            state = self._advance(last, y)
-            if state is not None:
-                work.last = state
-                return state
-        seeds = self.seeds
-        start = min(seeds, key=lambda seed: float(np.abs(y - seed.y).max()))
-        state = self._follow(start, y)
-        work.last = state
-        return state
+        if last is not None:
+            distance = self.distance(y - last.y)
+            if distance == 0.0:
+                return last
+            if distance <= CONTINUATION_STEP:
+                state = self.advance(last, y)
+                if state is not None:
+                    work.last = state
+                    return state
+        failure: AssemblyError | SingularityError | None = None
+        for seed in sorted(self.seeds, key=lambda seed: self.distance(y - seed.y)):
+            try:
+                work.last = self.follow(seed, y)
+                return work.last
+            except (AssemblyError, SingularityError) as error:
+                failure = failure if failure is not None else error
+        assert failure is not None
+        raise failure
 
     # ------------------------------------------------------------------ kinematics
 
@@ -369,7 +513,8 @@ class Mechanism:
         g = np.zeros(self.nv)
         if len(self.dependent):
             k = self.closure.drift(state.rows, qd, work.data.J, work.data.dJ)
-            g[self.dependent] = self._solve(state, k.reshape(-1, 1)).ravel()
+            solution = self._solve(state, k.reshape(-1, 1)).ravel()
+            g[self.dependent] = solution * self._dependent_unit if self._has_lengths else solution
         return g
 
     def _need_foot(self) -> int:
@@ -380,7 +525,8 @@ class Mechanism:
             )
         return self.foot_frame
 
-    def _place(self, state: ClosedState) -> None:
+    def place(self, state: ClosedState) -> None:
+        """Bring this thread's pinocchio data to a pose: joint Jacobians and frame placements."""
         work = self._workspace
         pin.computeJointJacobians(work.model, work.data, self.tree.to_configuration(state.q))
         pin.updateFramePlacements(work.model, work.data)
@@ -388,19 +534,20 @@ class Mechanism:
     def foot_position(self, state: ClosedState) -> np.ndarray:
         """Foot position in the hip frame, m, shape (3,)."""
         frame = self._need_foot()
-        self._place(state)
+        self.place(state)
         origin = self._workspace.memory.rows()[4 * frame + 3]
         return self.hip_rotation.T @ (origin - self.hip_origin)
 
-    def _tree_foot_jacobian(self) -> np.ndarray:
+    def tree_foot_jacobian(self) -> np.ndarray:
+        """Foot velocity in world axes per tree velocity, (3, nv), at the pose of the last `place`."""
         work = self._workspace
         return pin.getFrameJacobian(work.model, work.data, self._need_foot(), pin.LOCAL_WORLD_ALIGNED)[:3]
 
     def foot_jacobian(self, state: ClosedState) -> np.ndarray:
         """Foot Jacobian in the hip frame: velocity = J yd, shape (3, n)."""
         self._need_foot()
-        self._place(state)
-        return self.hip_rotation.T @ (self._tree_foot_jacobian() @ state.G)
+        self.place(state)
+        return self.hip_rotation.T @ (self.tree_foot_jacobian() @ state.G)
 
     def foot_bias_acceleration(self, state: ClosedState, v: np.ndarray) -> np.ndarray:
         """Foot acceleration in the hip frame at ydd = 0, m/s², shape (3,)."""
@@ -410,7 +557,7 @@ class Mechanism:
         work = self._workspace
         pin.updateFramePlacements(work.model, work.data)
         rate = pin.getFrameJacobianTimeVariation(work.model, work.data, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
-        return self.hip_rotation.T @ (rate @ qd + self._tree_foot_jacobian() @ g)
+        return self.hip_rotation.T @ (rate @ qd + self.tree_foot_jacobian() @ g)
 
     def foot_jacobian_derivative(self, state: ClosedState, v: np.ndarray) -> np.ndarray:
         """Time derivative of the foot Jacobian along v, shape (3, n).
@@ -433,22 +580,27 @@ class Mechanism:
         vector = self.gravity if gravity is None else gravity
         self._workspace.model.gravity.linear = self.hip_rotation @ vector
 
-    def _dissipation(self, qd: np.ndarray) -> np.ndarray:
-        return self.damping * qd + self.friction * np.sign(qd)
+    def joint_friction(self, state: ClosedState, v: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """Damping and Coulomb friction of the tree joints, opposing qd = G v, shape (nv,), N·m or N.
+
+        A joint at rest has no Coulomb friction; whether it rests is decided above the rounding of G v.
+        """
+        moves = np.abs(qd) > STANDSTILL * (np.abs(state.G) @ np.abs(v))
+        return self.damping * qd + self.friction * np.where(moves, np.sign(qd), 0.0)
 
     def tree_torque(
         self, state: ClosedState, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None
     ) -> np.ndarray:
         """Open-tree joint torques of the closed motion, rnea(q, G yd, G ydd + g) plus joint friction, shape (nv,)."""
         work = self._workspace
-        qd = state.G @ v
-        qdd = state.G @ a + self._bias_acceleration(state, qd)
+        qd = state.G.dot(v)
+        qdd = state.G.dot(a) + self._bias_acceleration(state, qd)
         if gravity is not None:
             self._set_gravity(gravity)
         tau = pin.rnea(work.model, work.data, self.tree.to_configuration(state.q), qd, qdd)
         if gravity is not None:
             self._set_gravity(None)
-        return tau + self._dissipation(qd) if self.dissipates else tau
+        return tau + self.joint_friction(state, v, qd) if self.dissipates else tau
 
     def generalized_force(
         self,
@@ -459,10 +611,11 @@ class Mechanism:
         gravity: np.ndarray | None = None,
     ) -> np.ndarray:
         """Generalised force at y that produces the motion: tau = G^T rnea - J^T foot_force, shape (n,)."""
-        tau = state.G.T @ self.tree_torque(state, v, a, gravity)
+        tree_torque = self.tree_torque(state, v, a, gravity)
         if foot_force is not None:
-            tau -= self.foot_jacobian(state).T @ foot_force
-        return tau
+            # The joint Jacobians of this pose are still in the workspace.
+            tree_torque = tree_torque - self.tree_foot_jacobian().T @ (self.hip_rotation @ foot_force)
+        return state.G.T.dot(tree_torque)
 
     def actuator_effort(self, state: ClosedState, generalized: np.ndarray) -> np.ndarray:
         """Actuator efforts that do the same work as a generalised force at y, shape (m,).
@@ -485,10 +638,12 @@ class Mechanism:
                 motions=self.n,
                 actuators=transfer.shape[1],
             )
-        sigma = np.linalg.svd(transfer, compute_uv=False)
-        if sigma[-1] < RANK_TOLERANCE * max(1.0, sigma[0]):
+        scaled = transfer * self._unit[:, None] / self.closure.coordinate_unit[self.actuated]
+        sigma = np.linalg.svd(scaled, compute_uv=False)
+        if not sigma[-1] > RANK_TOLERANCE * max(1.0, sigma[0]):
             raise SingularityError(
-                f"the actuators do not hold every motion at {self._pose(state.y)}: smallest singular value {sigma[-1]:.3g}",
+                f"the actuators do not hold every motion at {self.pose_text(state.y)}: smallest singular value {sigma[-1]:.3g} of "
+                f"{sigma[0]:.3g}; move away from this pose, or use generalized_force, which is always unique",
                 margin=float(sigma[-1]),
             )
         return np.linalg.solve(transfer, generalized)
@@ -524,6 +679,11 @@ class Mechanism:
         """Forward dynamics by projection: M ydd = G_a^T tau - bias + J^T foot_force, shape (n,).
 
         An open chain whose every joint is independent goes to pinocchio's articulated-body algorithm.
+
+        Raises
+        ------
+        SingularityError
+            A motion carries no mass, so that its acceleration is not determined.
         """
         if self.closure.rows == 0 and self.directly_actuated and not self.dissipates:
             work = self._workspace
@@ -537,10 +697,29 @@ class Mechanism:
             result = pin.aba(work.model, work.data, configuration, state.G @ v, effort)
             if gravity is not None:
                 self._set_gravity(None)
+            if not np.isfinite(result).all():
+                raise self._massless(state, 0.0)
             return result[self.independent]
         drive = tau if self.directly_actuated else state.G[self.actuated].T @ tau
         force = drive - self.generalized_force(state, v, np.zeros(self.n), foot_force, gravity)
-        return np.linalg.solve(self.mass_matrix(state), force)
+        mass = self.mass_matrix(state)
+        # With unit diagonal the pivots of the Cholesky factor are free of units.
+        scale = np.sqrt(np.diagonal(mass))
+        if not scale.min() > 0.0:
+            raise self._massless(state, 0.0)
+        factor, info = lapack.dpotrf(mass / np.outer(scale, scale), lower=1)
+        pivot = 0.0 if info else float(np.diagonal(factor).min()) ** 2
+        if not pivot > SMALLEST_MASS:
+            raise self._massless(state, pivot)
+        solution, _ = lapack.dpotrs(factor, force / scale, lower=1)
+        return solution.ravel() / scale
+
+    def _massless(self, state: ClosedState, pivot: float) -> SingularityError:
+        return SingularityError(
+            f"the mass matrix is singular at {self.pose_text(state.y)} (smallest pivot {pivot:.3g} of 1): a motion carries no "
+            "mass; give the links it moves, or the rotors, their inertia",
+            margin=pivot,
+        )
 
     def loop_forces(
         self,
@@ -554,21 +733,27 @@ class Mechanism:
 
         The tree's balance is rnea = S^T tau + J_F^T foot_force + K^T lambda with tau the actuator efforts; a row's
         multiplier times its wrench is what the predecessor exerts on the successor.
+
+        Raises
+        ------
+        ActuationError, SingularityError
+            The actuator efforts are not unique, so that the loop forces are not either.
         """
         balance = self.tree_torque(state, v, a, gravity)
         generalized = state.G.T @ balance
         if foot_force is not None:
-            self._place(state)
+            self.place(state)
             world_force = self.hip_rotation @ foot_force
-            tree_force = self._tree_foot_jacobian().T @ world_force
+            tree_force = self.tree_foot_jacobian().T @ world_force
             balance = balance - tree_force
             generalized = generalized - state.G.T @ tree_force
         balance = balance.copy()
         balance[self.actuated] -= self.actuator_effort(state, generalized)
-        K = state.rows.jacobian
-        multipliers, _, rank, _ = np.linalg.lstsq(K.T, balance, rcond=RANK_TOLERANCE)
+        K, unit = state.rows.jacobian, self.closure.coordinate_unit
+        multipliers, _, rank, _ = np.linalg.lstsq((K * unit).T, balance * unit, rcond=RANK_TOLERANCE)
+        multipliers /= self.closure.row_unit
         wrenches = {}
-        self._place(state)
+        self.place(state)
         frames = self._workspace.memory.rows()
         for number, loop in enumerate(self.closure.loops):
             rows = self.closure.slices[number]
@@ -577,8 +762,7 @@ class Mechanism:
             axes, origin = frames[4 * predecessor : 4 * predecessor + 3], frames[4 * predecessor + 3]
             moment = total[3:] - np.cross(origin, total[:3])
             wrenches[loop.name] = (axes @ total[:3], axes @ moment)
-        couplings = dict(
-            zip(self.closure.coupling_names, multipliers[self.closure.loop_rows :].tolist(), strict=True)
-        )
-        imbalance = float(np.abs(K.T @ multipliers - balance).max(initial=0.0))
+        coupling = multipliers[self.closure.loop_rows :].tolist()
+        couplings = dict(zip(self.closure.coupling_names, coupling, strict=True))
+        imbalance = float(np.abs(K.T @ (multipliers * self.closure.row_unit) - balance).max(initial=0.0))
         return LoopForces(wrenches, couplings, self.closure.rows - int(rank), imbalance)

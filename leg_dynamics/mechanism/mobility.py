@@ -7,20 +7,38 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from leg_dynamics.errors import AssemblyError, SingularityError
+from leg_dynamics.errors import AssemblyError, DescriptionError, LegDynamicsError, SingularityError
 
 if TYPE_CHECKING:
-    from leg_dynamics.mechanism.mechanism import Mechanism
+    from leg_dynamics.mechanism.mechanism import ClosedState, Mechanism
 
-__all__ = ["MobilityReport", "PoseRank", "mobility_report", "pose_rank"]
+__all__ = [
+    "MobilityReport",
+    "PoseRank",
+    "check_independent",
+    "mobility_report",
+    "pose_rank",
+    "project",
+    "wrong_independent",
+]
 
-# Singular values below this share of the largest count as zero.
+# Singular values below this share of the largest count as zero. K is dimensionless here: see `Closure`.
 RANK_SHARE = 1e-9
+# A rank is taken where the loops are closed to this residual: an open pose has the rank of a stiffer mechanism.
+CLOSED = 1e-12
+# A file's rounded configuration is brought to the nearest closed pose when its residual is below this.
+NEARLY_CLOSED = 1e-2
+PROJECTION_ITERATIONS = 60
+PROJECTION_RANK = 1e-6
+# Neighbouring poses at which flags and generic ranks are tried, rad or shares of the mechanism's length.
+PROBE_STEPS = (0.05, 0.01, 0.002)
+NEIGHBOUR = 0.2
+NEIGHBOURS = 6
 
 
 @dataclass(frozen=True)
 class PoseRank:
-    """Rank of K at one closed pose.
+    """Rank of K at one closed pose, columns per `Closure.coordinate_unit`.
 
     `gap` is (smallest counted, largest uncounted singular value) relative to the largest: far apart when the
     rank is beyond doubt. `dependent_rank` is the rank of the dependent joints' columns.
@@ -88,17 +106,18 @@ class MobilityReport:
 
 
 def pose_rank(mechanism: Mechanism, q: np.ndarray, pose: str) -> PoseRank:
-    """Rank of the loop rows at tree coordinates q (nv,)."""
-    rows = mechanism._evaluate(q)
-    K = rows.jacobian
+    """Rank of the loop rows at tree coordinates q (nv,), which should be closed; `pose` is its name in the report."""
+    rows = mechanism.evaluate(q)
+    K = rows.jacobian * mechanism.closure.coordinate_unit
     sigma = np.linalg.svd(K, compute_uv=False) if K.size else np.zeros(0)
+    # K is dimensionless: a lone small row is no row.
     largest = float(sigma.max(initial=1.0))
     rank = int(np.count_nonzero(sigma > RANK_SHARE * largest))
     dependent = K[:, mechanism.dependent]
     below = float(sigma[rank] / largest) if rank < len(sigma) else 0.0
     return PoseRank(
         pose=pose,
-        residual=float(np.abs(rows.residual).max(initial=0.0)),
+        residual=float(np.linalg.norm(rows.residual)),
         rank=rank,
         redundant=mechanism.closure.rows - rank,
         mobility=mechanism.nv - rank,
@@ -107,8 +126,108 @@ def pose_rank(mechanism: Mechanism, q: np.ndarray, pose: str) -> PoseRank:
     )
 
 
+def project(mechanism: Mechanism, q: np.ndarray) -> np.ndarray | None:
+    """A closed pose near q (nv,) by minimum-norm Newton over all joints, independent ones too; None where it fails.
+
+    Needs no independent joints: this is how the mobility of a wrongly flagged file is found.
+    """
+    unit = mechanism.closure.coordinate_unit
+    for _ in range(PROJECTION_ITERATIONS):
+        rows = mechanism.evaluate(q)
+        if np.abs(rows.residual).max(initial=0.0) <= CLOSED:
+            return q
+        step, *_ = np.linalg.lstsq(rows.jacobian * unit, -rows.residual, rcond=PROJECTION_RANK)
+        largest = float(np.abs(step).max())
+        if not largest < np.inf:
+            return None
+        q = q + unit * step * min(1.0, 0.5 / largest if largest > 0.0 else 1.0)
+    return None
+
+
+def _neighbours(mechanism: Mechanism, q: np.ndarray, seed: int = 0) -> list[PoseRank]:
+    """Ranks at closed poses around q: generic ones, where a special pose has more mobility."""
+    generator = np.random.default_rng(seed)
+    ranks = []
+    for number in range(NEIGHBOURS):
+        moved = q + NEIGHBOUR * mechanism.closure.coordinate_unit * generator.standard_normal(mechanism.nv)
+        closed = project(mechanism, moved)
+        if closed is not None:
+            ranks.append(pose_rank(mechanism, closed, f"neighbour {number + 1}"))
+    return ranks
+
+
+def _flags_error(mechanism: Mechanism, rank: PoseRank) -> DescriptionError:
+    flagged, mobility = mechanism.n, rank.mobility
+    if flagged < mobility:
+        fault = f"{mobility - flagged} motions would be left undetermined: mark more joints independent, or add the missing loops"
+    elif flagged > mobility:
+        fault = f'{flagged - mobility} of them cannot move freely: mark passive joints independent="false"'
+    else:
+        fault = "but these joints do not determine the others: mark other joints independent"
+    return DescriptionError(
+        f"{flagged} joints are independent ({', '.join(mechanism.joint_names)}) and the mechanism's mobility is {mobility} "
+        f"({mechanism.nv} tree joints, loop rows of rank {rank.rank}); {fault}",
+        file=mechanism.description.file,
+        mobility=mobility,
+        independent=flagged,
+    )
+
+
+def check_independent(mechanism: Mechanism, state: ClosedState) -> None:
+    """Check at a closed, regular pose that the independent joints number the mobility.
+
+    A pose with regular dependent columns has at most n motions. It has fewer where the flags are too many; and where
+    the pose is a special one, neighbouring values of the independent joints cannot be closed.
+
+    Raises
+    ------
+    DescriptionError
+        Carries the true `mobility` and the number flagged, `independent`.
+    """
+    if mechanism.closure.rows == 0:
+        return
+    rank = pose_rank(mechanism, state.q, "seed")
+    if rank.mobility != mechanism.n:
+        raise _flags_error(mechanism, rank)
+    if rank.redundant == 0 or _is_free(mechanism, state):
+        return
+    generic = min(_neighbours(mechanism, state.q), key=lambda neighbour: neighbour.mobility, default=rank)
+    if generic.mobility != mechanism.n:
+        raise _flags_error(mechanism, generic)
+
+
+def _is_free(mechanism: Mechanism, state: ClosedState) -> bool:
+    """Whether neighbouring independent coordinates can be closed."""
+    direction = np.random.default_rng(0).uniform(0.5, 1.0, mechanism.n) * mechanism.closure.coordinate_unit[mechanism.independent]
+    for step in PROBE_STEPS:
+        if all(mechanism.advance(state, state.y + sign * step * direction) is not None for sign in (1.0, -1.0)):
+            return True
+    return False
+
+
+def wrong_independent(mechanism: Mechanism, start: np.ndarray) -> DescriptionError | None:
+    """The error to raise where no pose is regular although the loops can be closed near `start` (nv,); else None."""
+    closed = project(mechanism, start)
+    ranks = _neighbours(mechanism, start if closed is None else closed)
+    if not ranks:
+        return None
+    generic = min(ranks, key=lambda rank: rank.mobility)
+    if generic.mobility == mechanism.n and generic.dependent_rank == len(mechanism.dependent):
+        return None
+    return _flags_error(mechanism, generic)
+
+
 def mobility_report(mechanism: Mechanism, samples: int = 20, seed: int = 0) -> MobilityReport:
     """Ranks at the file's configurations and at random closed poses inside the joint limits.
+
+    Wrong `independent` flags do not keep it from answering: the random poses are then neighbours of the named ones.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    samples : int
+        Number of random poses.
+    seed : int
 
     Raises
     ------
@@ -119,26 +238,38 @@ def mobility_report(mechanism: Mechanism, samples: int = 20, seed: int = 0) -> M
 
     poses = []
     for configuration in mechanism.description.configurations:
-        q = configuration_coordinates(mechanism, dict(configuration.values))
-        rank = pose_rank(mechanism, q, configuration.name)
-        if rank.residual < 1e-6:
-            poses.append(rank)
+        q: np.ndarray | None = configuration_coordinates(mechanism, dict(configuration.values))
+        assert q is not None
+        if np.abs(mechanism.evaluate(q).residual).max(initial=0.0) > NEARLY_CLOSED:
+            continue
+        q = project(mechanism, q)
+        if q is not None:
+            poses.append(pose_rank(mechanism, q, configuration.name))
     generator = np.random.default_rng(seed)
-    lower = np.maximum(mechanism.lower[mechanism.independent], -np.pi)
-    upper = np.minimum(mechanism.upper[mechanism.independent], np.pi)
-    random_poses = []
-    failure: AssemblyError | SingularityError | None = None
-    for _ in range(samples):
+    lower, upper = (bound[mechanism.independent] for bound in mechanism.search_box())
+    random_poses: list[PoseRank] = []
+    failure: LegDynamicsError | None = None
+    try:
+        attempts = samples if mechanism.seeds else 0
+    except (AssemblyError, DescriptionError) as error:
+        failure, attempts = error, 0
+    for _ in range(attempts):
         try:
             state = mechanism.close(generator.uniform(lower, upper))
         except (AssemblyError, SingularityError) as error:
             failure = error
             continue
         random_poses.append(pose_rank(mechanism, state.q, f"random {len(random_poses) + 1}"))
-    if not poses and not random_poses:
-        raise failure if failure is not None else AssemblyError("no pose was asked for: samples must be at least 1")
+    if not random_poses and samples > 0:
+        home = mechanism.description.home
+        start = configuration_coordinates(mechanism, dict(home.values) if home is not None else {})
+        random_poses = _neighbours(mechanism, start, seed)[:samples]
     generic = random_poses or poses
-    mobility = min(pose.mobility for pose in generic)
+    if not generic:
+        raise failure if failure is not None else AssemblyError(
+            f"no closed pose of {mechanism.description.name!r} was found: add a <configuration> that closes the loops, and ask for "
+            "at least one sample"
+        )
     return MobilityReport(
         name=mechanism.description.name,
         joints=mechanism.nv,
@@ -146,7 +277,7 @@ def mobility_report(mechanism: Mechanism, samples: int = 20, seed: int = 0) -> M
         independent=mechanism.n,
         actuators=len(mechanism.actuated),
         gruebler=mechanism.nv - mechanism.closure.rows,
-        mobility=mobility,
+        mobility=min(pose.mobility for pose in generic),
         redundant=min(pose.redundant for pose in generic),
         poses=(*poses, *random_poses),
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from leg_dynamics.description.model import Description
 from leg_dynamics.errors import AssemblyError, OutOfReachError, RowError, RowFailures, SingularityError
-from leg_dynamics.mechanism.assembly import configuration_coordinates
+from leg_dynamics.mechanism.assembly import SAME_POSE, close_configuration, configuration_coordinates, pose_difference
 from leg_dynamics.mechanism.mechanism import ClosedState, LoopForces, Mechanism
 from leg_dynamics.mechanism.mobility import MobilityReport, mobility_report
 
@@ -165,11 +165,21 @@ class PinocchioRoute:
         return result
 
     def _start(self, branch: str) -> ClosedState:
+        """The closed pose of a configuration, provided that it lies in the assembly mode."""
         mechanism = self.mechanism
         for configuration in mechanism.description.configurations:
-            if configuration.name == branch:
-                q = configuration_coordinates(mechanism, dict(configuration.values))
-                return mechanism.close(q[mechanism.independent])
+            if configuration.name != branch:
+                continue
+            q = configuration_coordinates(mechanism, dict(configuration.values))
+            state = mechanism.close(q[mechanism.independent])
+            meant = close_configuration(mechanism, configuration)
+            if meant is not None and pose_difference(mechanism, state, meant) > SAME_POSE:
+                raise AssemblyError(
+                    f"configuration {branch!r} lies in another assembly mode than {mechanism.description.home.name!r}: make it "
+                    "the file's home to use that mode",
+                    residual=meant.residual,
+                )
+            return state
         return mechanism.seeds[0]
 
     def _reach(self, p: np.ndarray, branch: str) -> np.ndarray:

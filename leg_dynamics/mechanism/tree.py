@@ -62,7 +62,11 @@ class Tree:
         try:
             model = pin.buildModelFromXML(description.urdf)
         except (ValueError, RuntimeError) as error:
-            raise DescriptionError(f"pinocchio cannot read the tree: {error}", file=description.file) from error
+            raise DescriptionError(
+                f"pinocchio cannot read the tree: {error} (revolute and prismatic joints need a <limit> with effort and "
+                "velocity, a body's <inertial> its mass and inertia)",
+                file=description.file,
+            ) from error
         names = tuple(model.names[1:])
         expected = {joint.name for joint in description.moving_joints}
         if set(names) != expected:

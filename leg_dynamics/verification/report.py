@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -27,6 +28,8 @@ class Check:
     at : dict of str to float
         Independent coordinates of the worst state, rad or m.
     measure : str
+    detail : str
+        Why there is no number at the worst state, or what limits the check; usually empty.
     """
 
     group: str
@@ -36,6 +39,7 @@ class Check:
     samples: int
     at: dict[str, float]
     measure: str = "relative to 1 + magnitude"
+    detail: str = ""
 
     @property
     def passed(self) -> bool:
@@ -53,6 +57,8 @@ class CrosscheckReport:
     routes : tuple of str
     samples, seed : int
     checks : tuple of Check
+    left_out : int
+        States that no route can assemble; the others were checked.
     """
 
     leg: str
@@ -60,6 +66,7 @@ class CrosscheckReport:
     samples: int
     seed: int
     checks: tuple[Check, ...]
+    left_out: int = 0
 
     @property
     def rows(self) -> tuple[Check, ...]:
@@ -74,7 +81,7 @@ class CrosscheckReport:
     @property
     def worst(self) -> Check:
         """The check closest to its tolerance, or furthest beyond it."""
-        return max(self.checks, key=lambda check: _badness(check))
+        return max(self.checks, key=_badness)
 
     def raise_if_failed(self) -> None:
         """Raise when a check failed.
@@ -87,9 +94,12 @@ class CrosscheckReport:
         failing = [check for check in self.checks if not check.passed]
         if failing:
             listing = "; ".join(
-                f"{c.group}: {c.quantity} differs by {c.worst:.3g}, tolerance {c.tolerance:g}, at {c.at}" for c in failing
+                f"{c.group}: {c.quantity} is off by {c.worst:.3g}, tolerance {c.tolerance:g}, at {c.at}"
+                + (f" ({c.detail})" if c.detail else "")
+                for c in failing
             )
-            raise CrosscheckError(f"{self.leg}: {len(failing)} of {len(self.checks)} checks failed: {listing}", checks=failing)
+            counted = f"{len(failing)} of {len(self.checks)} checks failed"
+            raise CrosscheckError(f"{self.leg}: {counted}: {listing}", checks=failing)
 
     def to_dict(self) -> dict[str, Any]:
         """The report as JSON-ready values."""
@@ -98,22 +108,24 @@ class CrosscheckReport:
             "routes": list(self.routes),
             "samples": self.samples,
             "seed": self.seed,
+            "left_out": self.left_out,
             "passed": self.passed,
             "checks": [asdict(check) | {"passed": check.passed} for check in self.checks],
         }
 
     def to_json(self) -> str:
-        """The report as JSON text; a NaN error is written as null."""
+        """The report as JSON text; a number that is NaN or infinite is written as null."""
         values = self.to_dict()
         for check in values["checks"]:
-            if check["worst"] != check["worst"]:
-                check["worst"] = None
-        return json.dumps(values, indent=2, allow_nan=False)
+            check["worst"] = _finite_or_none(check["worst"])
+            check["at"] = {name: _finite_or_none(value) for name, value in check["at"].items()}
+        return json.dumps(values, indent=2, allow_nan=False, ensure_ascii=False)
 
     def __rich__(self) -> Any:
+        from rich.markup import escape
         from rich.table import Table
 
-        table = Table(title=f"{self.leg}: cross-check of {' and '.join(self.routes)}, seed {self.seed}")
+        table = Table(title=escape(f"{self.leg}: cross-check of {' and '.join(self.routes)}, seed {self.seed}"))
         table.add_column("against")
         table.add_column("quantity")
         for column in ("worst", "tolerance", "samples"):
@@ -127,11 +139,26 @@ class CrosscheckReport:
             table.add_row(
                 shown, check.quantity, f"{check.worst:.1e}", f"{check.tolerance:.0e}", str(check.samples), verdict
             )
-        table.caption = "errors relative to 1 + magnitude" + ("" if self.passed else "; worst states are in the JSON report")
+        caption = ["errors relative to 1 + magnitude"]
+        if self.left_out:
+            caption.append(f"{self.left_out} of {self.samples} states cannot be assembled and were left out")
+        caption += [
+            f"{c.quantity}: off by {c.worst:.1e} at " + ", ".join(f"{n} = {x:.6g}" for n, x in c.at.items())
+            for c in self.checks
+            if not c.passed
+        ]
+        caption += [f"{c.quantity}: {c.detail}" for c in self.checks if c.detail]
+        table.caption = escape("\n".join(caption))
         return table
 
 
+def _finite_or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
 def _badness(check: Check) -> float:
-    if check.worst != check.worst:
-        return float("inf")
-    return check.worst / check.tolerance if check.tolerance > 0.0 else (0.0 if check.passed else float("inf"))
+    if math.isnan(check.worst):
+        return math.inf
+    if check.tolerance > 0.0:
+        return check.worst / check.tolerance
+    return 0.0 if check.passed else math.inf

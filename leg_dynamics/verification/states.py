@@ -9,12 +9,19 @@ import numpy as np
 
 from leg_dynamics.leg import Leg
 
-__all__ = ["States", "domain", "sample_states"]
+__all__ = ["States", "domain", "sample_states", "with_room"]
 
 SPEED = 5.0
 ACCELERATION = 50.0
 FORCE = 50.0
 NEAR_ZERO_SHARE = 0.15
+BEYOND_STRAIGHT = np.pi / 4.0
+"""How far the box reaches past a limit at 0 rad, rad."""
+LARGEST_CORNER_COUNT = 2**10
+NEIGHBOUR_DISTANCE = 0.2
+"""Numeric closures start from the row before where it is nearer than about this, rad or m."""
+ROOM = {"rad": 0.05, "m": 0.01}
+"""Differences need a leg that can be assembled this far around a state: near a singular closure they mean nothing."""
 
 
 @dataclass(frozen=True)
@@ -30,18 +37,54 @@ class States:
     def __len__(self) -> int:
         return len(self.q)
 
+    def take(self, rows: np.ndarray) -> States:
+        """The states of some rows, in that order."""
+        return States(self.q[rows], self.v[rows], self.a[rows], self.foot_force[rows], self.gravity[rows])
+
     def first(self, count: int) -> States:
         """The first `count` states."""
-        return States(*(getattr(self, name)[:count] for name in ("q", "v", "a", "foot_force", "gravity")))
+        return self.take(np.arange(min(count, len(self))))
+
+    def along_a_path(self) -> np.ndarray:
+        """Row numbers in an order in which neighbours are close: to and fro through a grid of cells."""
+        q = self.q
+        if len(q) == 0:
+            return np.zeros(0, dtype=np.intp)
+        n = q.shape[1]
+        low, high = q.min(axis=0), q.max(axis=0)
+        width = np.maximum((high - low) / max(1.0, round(len(q) ** (1.0 / n))), NEIGHBOUR_DISTANCE)
+        cells = np.floor((q - low) / width)
+        keys: list[np.ndarray] = []
+        backwards = np.zeros(len(q), dtype=bool)
+        for axis in range(n - 1):
+            keys.append(np.where(backwards, -cells[:, axis], cells[:, axis]))
+            backwards = backwards ^ (cells[:, axis] % 2 == 1)
+        keys.append(np.where(backwards, -q[:, -1], q[:, -1]))
+        return np.lexsort(keys[::-1])
+
+
+def with_room(leg: Leg, states: States) -> States:
+    """The states around which the leg can be assembled too, in each coordinate's direction."""
+    steps = np.diag([ROOM[unit] for unit in leg.units.joints])
+    around = states.q[:, None] + np.concatenate([np.zeros_like(steps[:1]), steps, -steps])
+    coordinates = np.stack(list(leg.assemble(around, on_error="nan").values()), axis=-1)
+    return states.take(np.flatnonzero(np.isfinite(coordinates).all(axis=(1, 2))))
 
 
 def domain(leg: Leg) -> tuple[np.ndarray, np.ndarray]:
-    """Box in which a leg is verified: its formulas' stated domain, else its joint limits (within ±pi, ±1 m)."""
-    stated = getattr(leg.backend, "domain", None)
-    if stated is not None:
-        return np.array(stated[0], dtype=float), np.array(stated[1], dtype=float)
-    reach = np.array([np.pi if unit == "rad" else 1.0 for unit in leg.units.joints])
-    return np.maximum(leg.limits.lower, -reach), np.minimum(leg.limits.upper, reach)
+    """Box in which a leg is verified: its joint limits, within ±pi rad or ±1 m, and both sides of a straight leg.
+
+    Formulas hold beyond joint limits, and nothing but inverse kinematics enforces them. A limit at 0 rad is where a leg
+    is straight, its Jacobian singular, and where signs of passive joints change: there the box reaches pi/4 further.
+    """
+    turning = np.array([unit == "rad" for unit in leg.units.joints])
+    reach = np.where(turning, np.pi, 1.0)
+    lower, upper = np.maximum(leg.limits.lower, -reach), np.minimum(leg.limits.upper, reach)
+    beyond = np.minimum(BEYOND_STRAIGHT, upper - lower)
+    return (
+        np.where(turning & (lower == 0.0), -beyond, lower),
+        np.where(turning & (upper == 0.0), beyond, upper),
+    )
 
 
 def sample_states(box: tuple[np.ndarray, np.ndarray], samples: int, seed: int) -> States:
@@ -62,9 +105,9 @@ def sample_states(box: tuple[np.ndarray, np.ndarray], samples: int, seed: int) -
     tiny = 10.0 ** generator.uniform(-9.0, -1.0, (samples, n)) * generator.choice([-1.0, 1.0], (samples, n))
     inside = (tiny > lower) & (tiny < upper)
     q = np.where(near & inside, tiny, q)
-    corners = np.array(list(itertools.product(*zip(lower, upper, strict=True)))) if n <= 10 else np.zeros((0, n))
-    special = np.vstack([corners, np.zeros((1, n))]) if (lower <= 0).all() and (upper >= 0).all() else corners
-    q[: min(samples, len(special))] = special[:samples]
+    special = _special(lower, upper)
+    count = min(len(special), (samples + 1) // 2)
+    q[:count] = special[:count]
     directions = generator.standard_normal((samples, 3))
     return States(
         q=q,
@@ -73,3 +116,13 @@ def sample_states(box: tuple[np.ndarray, np.ndarray], samples: int, seed: int) -
         foot_force=generator.uniform(-FORCE, FORCE, (samples, 3)),
         gravity=9.81 * directions / np.linalg.norm(directions, axis=1, keepdims=True),
     )
+
+
+def _special(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Zero, where it is in the box, and the corners, (k, n)."""
+    n = len(lower)
+    rows = np.zeros((0, n))
+    if 2**n <= LARGEST_CORNER_COUNT:
+        rows = np.array(list(itertools.product(*zip(lower, upper, strict=True))))
+    zero = np.zeros((1, n))
+    return np.vstack([zero, rows]) if ((lower <= 0) & (upper >= 0)).all() else rows
