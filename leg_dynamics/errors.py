@@ -234,7 +234,7 @@ class RowFailures:
         Parameters
         ----------
         count : int or None
-            Rows in the batch; None for a single sample, whose message needs no row number.
+            Rows in the batch; None for a single sample. One row needs no row number in the message.
         """
         first_rows, first = min(self._failures, key=lambda failure: int(failure[0].min()))
         kind = type(first)
@@ -247,7 +247,7 @@ class RowFailures:
                 measured[name] = np.concatenate(values)[position]
         every = self.rows
         message = first.message
-        if count is not None:
+        if count is not None and count > 1:
             others = {type(error).__name__ for _, error in self._failures} - {kind.__name__}
             reasons = (
                 f" ({len(rows)} with {kind.__name__}, the rest with {', '.join(sorted(others))})" if others else ""

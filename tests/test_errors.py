@@ -121,11 +121,12 @@ def test_no_failures():
     assert failures.rows.tolist() == []
 
 
-def test_one_failure_of_a_single_sample_has_no_row_number():
+@pytest.mark.parametrize("count", [None, 1])
+def test_one_failure_of_a_single_sample_has_no_row_number(count):
     failures = RowFailures()
     failures.add(0, AssemblyError("cannot close", margin=-1e-3, residual=1e-3, reached=[1.0]))
     assert failures
-    error = failures.combined(None)
+    error = failures.combined(count)
     assert type(error) is AssemblyError
     assert str(error) == "cannot close"
     assert error.residual.tolist() == [1e-3]

@@ -95,7 +95,8 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
         unused = [configuration.name for configuration, state in attempts if state is None]
         if unused:
             warnings.warn(
-                f"{description.file}: configuration {', '.join(map(repr, unused))} is open or singular and starts no assembly mode",
+                f"{description.file}: configuration {', '.join(map(repr, unused))} is open or singular and starts "
+                "no assembly mode",
                 LegDynamicsWarning,
                 stacklevel=4,
             )
@@ -112,8 +113,8 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
     reason = "gives no configuration" if home is None else f"has an open or singular configuration {home.name!r}"
     others = "; ".join(_label(mechanism, pose) for pose in poses[1:4]) or "none found"
     warnings.warn(
-        f"{description.file}: the file {reason}; taking the closed pose nearest to it, {_label(mechanism, poses[0])}; other closed "
-        f"poses, perhaps of other assembly modes: {others}",
+        f"{description.file}: the file {reason}; taking the closed pose nearest to it, "
+        f"{_label(mechanism, poses[0])}; other closed poses, perhaps of other assembly modes: {others}",
         LegDynamicsWarning,
         stacklevel=4,
     )
@@ -123,8 +124,8 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
 def _no_pose(mechanism: Mechanism, start: np.ndarray) -> AssemblyError:
     residual = float(np.linalg.norm(mechanism.evaluate(start).residual))
     return AssemblyError(
-        f"no regular closed pose of {mechanism.description.name!r} was found in {MULTI_START_ATTEMPTS} attempts (residual of the "
-        f"given pose {residual:.3g}): add a <configuration> that closes the loops",
+        f"no regular closed pose of {mechanism.description.name!r} was found in {MULTI_START_ATTEMPTS} attempts "
+        f"(residual of the given pose {residual:.3g}): add a <configuration> that closes the loops",
         residual=residual,
         margin=-residual,
     )

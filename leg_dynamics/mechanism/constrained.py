@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import lapack
 
 from leg_dynamics.errors import SingularityError, UnsupportedError
 from leg_dynamics.mechanism.mechanism import ClosedState, Mechanism
@@ -22,8 +23,13 @@ __all__ = ["ConstrainedDynamics"]
 # Half the distance of a hinge's two points, in lengths of the mechanism.
 HINGE_HALF_LENGTH = 0.5
 PROXIMAL_ACCURACY = 1e-12
-PROXIMAL_MU = 1e-6
-PROXIMAL_ITERATIONS = 50
+PROXIMAL_ITERATIONS = 300
+# The proximal weight as a share of the smallest inverse inertia that the loops see (eigenvalue of K M^-1 K^T): a
+# smaller one costs lcaba its digits, a larger one takes more iterations.
+PROXIMAL_SHARE = 1.0
+EIGENVALUE_SHARE = 1e-9
+# Tree accelerations must keep the loops closed to this share of the largest.
+CLOSED_SHARE = 1e-6
 COUPLING_RANK = 1e-7
 
 Algorithm = Literal["constraintDynamics", "lcaba"]
@@ -34,14 +40,13 @@ class _Workspace(threading.local):
 
     def __init__(self, model: pin.Model, constraints: pin.StdVec_RigidConstraintModel) -> None:
         self.model = model.copy()
-        self.settings = pin.ProximalSettings(PROXIMAL_ACCURACY, PROXIMAL_ACCURACY, PROXIMAL_MU, PROXIMAL_ITERATIONS)
         self.data = self.model.createData()
         self.constraint_data = self._constraint_data(constraints)
         self.lcaba_data = self.model.createData()
         self.lcaba_constraint_data = self._constraint_data(constraints)
         if len(constraints):
             # Without these calls the algorithms read unallocated memory.
-            pin.initConstraintDynamics(self.model, self.data, constraints)
+            pin.initConstraintDynamics(self.model, self.data, constraints, self.constraint_data)
             pin.computeJointMinimalOrdering(self.model, self.lcaba_data, constraints)
 
     @staticmethod
@@ -96,11 +101,27 @@ class ConstrainedDynamics:
         if kind == "fixed":
             return [(pin.ContactType.CONTACT_6D, 0.0)]
         raise UnsupportedError(
-            f"loop {name!r} is {kind}: pinocchio's rigid constraints are points and frames; use the projected forward dynamics",
+            f"loop {name!r} is {kind}: pinocchio's rigid constraints are points and frames; use the projected "
+            "forward dynamics",
             loop=name,
         )
 
-    def _solve(self, algorithm: Algorithm, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    def _settings(self, state: ClosedState, q: np.ndarray) -> pin.ProximalSettings | None:
+        """Proximal settings for one pose; None where its mass matrix is singular."""
+        work = self._workspace
+        closure = self.mechanism.closure
+        K = state.rows.jacobian[: closure.loop_rows] * closure.length
+        factor, info = lapack.dpotrf(np.triu(pin.crba(work.model, work.data, q)), lower=0)
+        if info:
+            return None
+        sigma = np.linalg.svd(np.linalg.solve(np.triu(factor).T, K.T), compute_uv=False) ** 2
+        seen = sigma[sigma > EIGENVALUE_SHARE * sigma.max(initial=0.0)]
+        weight = PROXIMAL_SHARE * float(seen.min(initial=np.inf)) if seen.size else 1.0
+        return pin.ProximalSettings(PROXIMAL_ACCURACY, PROXIMAL_ACCURACY, weight, PROXIMAL_ITERATIONS)
+
+    def _solve(
+        self, algorithm: Algorithm, settings: pin.ProximalSettings, q: np.ndarray, qd: np.ndarray, tau: np.ndarray
+    ) -> np.ndarray:
         work = self._workspace
         if not len(self.constraints):
             return np.array(pin.aba(work.model, work.data, q, qd, tau))
@@ -114,13 +135,11 @@ class ConstrainedDynamics:
                     tau,
                     self.constraints,
                     work.lcaba_constraint_data,
-                    work.settings,
+                    settings,
                 )
             )
         return np.array(
-            pin.constraintDynamics(
-                work.model, work.data, q, qd, tau, self.constraints, work.constraint_data, work.settings
-            )
+            pin.constraintDynamics(work.model, work.data, q, qd, tau, self.constraints, work.constraint_data, settings)
         )
 
     def acceleration(
@@ -148,7 +167,7 @@ class ConstrainedDynamics:
         Raises
         ------
         SingularityError
-            The algorithm returns no finite acceleration.
+            The algorithm returns no finite acceleration, or none that keeps the loops closed.
         UnsupportedError
             There is no such algorithm.
         """
@@ -156,7 +175,8 @@ class ConstrainedDynamics:
             raise UnsupportedError(f"algorithm must be 'constraintDynamics' or 'lcaba', got {algorithm!r}")
         mechanism = self.mechanism
         closure = mechanism.closure
-        self._workspace.model.gravity.linear = mechanism.hip_rotation @ (mechanism.gravity if gravity is None else gravity)
+        in_hip = mechanism.gravity if gravity is None else gravity
+        self._workspace.model.gravity.linear = mechanism.hip_rotation @ in_hip
         q = mechanism.tree.to_configuration(state.q)
         qd = state.G @ v
         effort = np.zeros(mechanism.nv)
@@ -166,16 +186,31 @@ class ConstrainedDynamics:
         if foot_force is not None:
             mechanism.place(state)
             effort += mechanism.tree_foot_jacobian().T @ (mechanism.hip_rotation @ foot_force)
-        qdd = self._solve(algorithm, q, qd, effort)
+        settings = self._settings(state, q)
+        if settings is None:
+            raise self._no_acceleration(algorithm, state)
+        qdd = self._solve(algorithm, settings, q, qd, effort)
         couplings = closure.coupling_rows
         if len(couplings) and np.isfinite(qdd).all():
-            response = np.column_stack([self._solve(algorithm, q, qd, effort + row) - qdd for row in couplings])
+            moved = [self._solve(algorithm, settings, q, qd, effort + row) for row in couplings]
+            response = np.column_stack(moved) - qdd[:, None]
             compliance = couplings @ response
             multipliers, *_ = np.linalg.lstsq(compliance, -(couplings @ qdd), rcond=COUPLING_RANK)
-            qdd = self._solve(algorithm, q, qd, effort + couplings.T @ multipliers)
+            qdd = self._solve(algorithm, settings, q, qd, effort + couplings.T @ multipliers)
         if not np.isfinite(qdd).all():
+            raise self._no_acceleration(algorithm, state)
+        closed = state.G @ qdd[mechanism.independent] + mechanism.bias_acceleration(state, qd)
+        error = float(np.abs((qdd - closed) / closure.coordinate_unit).max())
+        if not error <= CLOSED_SHARE * (1.0 + float(np.abs(qdd / closure.coordinate_unit).max())):
             raise SingularityError(
-                f"{algorithm} gives no finite acceleration at {mechanism.pose_text(state.y)}: the mass matrix or the "
-                "constraints are singular there; use the projected forward dynamics"
+                f"{algorithm} did not converge at {mechanism.pose_text(state.y)}: its accelerations open the loops "
+                f"by {error:.3g}; use the projected forward dynamics",
+                margin=-error,
             )
         return qdd[mechanism.independent]
+
+    def _no_acceleration(self, algorithm: str, state: ClosedState) -> SingularityError:
+        return SingularityError(
+            f"{algorithm} gives no finite acceleration at {self.mechanism.pose_text(state.y)}: the mass matrix or the "
+            "constraints are singular there; use the projected forward dynamics"
+        )

@@ -58,8 +58,9 @@ class ClosedState:
 
     `q` (nv,) tree coordinates; `y` (n,) independent ones; `residual` the norm of phi, dimensionless as in
     `ClosureRows`; `dependent_jacobian` (r, nv - n) the dependent columns of K per unit of `Closure.coordinate_unit`;
-    `factor` and `triangle` its QR factors; `smallest_pivot` the smallest |R_ii| over the largest or 1; `G` (nv, n) per rad
-    and m. `inverse_norm` bounds 1 / (smallest singular value) from above once it was asked for, else 0.
+    `factor` and `triangle` its QR factors; `smallest_pivot` the smallest |R_ii| over the largest or 1, NaN before it
+    was measured; `G` (nv, n) per rad and m. `inverse_norm` bounds 1 / (smallest singular value) from above once it was
+    asked for, else 0.
     """
 
     y: np.ndarray
@@ -81,10 +82,10 @@ class LoopForces:
     The norm weighs forces by the mechanism's characteristic length, so that N and N·m add up.
 
     `wrenches` maps a loop to (force N, moment N·m) in the predecessor's loop frame (z along the loop axis);
-    `couplings` maps a coupling to its multiplier: the generalised force on a joint is the sum of its coefficients times
-    the multipliers. Where `redundant_rows` > 0 the mechanism is overconstrained: internal forces are not unique, and these
-    are the ones of smallest norm; actuator torques are unique all the same. `imbalance` is the largest remaining error of
-    the tree's balance, N·m or N.
+    `couplings` maps a coupling to its multiplier: the generalised force on a joint is the sum of its coefficients
+    times the multipliers. Where `redundant_rows` > 0 the mechanism is overconstrained: internal forces are not unique,
+    and these are the ones of smallest norm; actuator torques are unique all the same. `imbalance` is the largest
+    remaining error of the tree's balance, N·m or N.
     """
 
     wrenches: dict[str, tuple[np.ndarray, np.ndarray]]
@@ -159,9 +160,9 @@ class Mechanism:
         self._selection[self.independent, np.arange(self.n)] = 1.0
         if self.closure.rows < len(self.dependent):
             raise DescriptionError(
-                f"{len(self.dependent)} dependent joints but only {self.closure.rows} loop and coupling rows: the mechanism "
-                f"has at least {self.nv - self.closure.rows} free motions and {self.n} joints are independent; mark more "
-                "joints independent or add the missing loops",
+                f"{len(self.dependent)} dependent joints but only {self.closure.rows} loop and coupling rows: the "
+                f"mechanism has at least {self.nv - self.closure.rows} free motions and {self.n} joints are "
+                "independent; mark more joints independent or add the missing loops",
                 file=description.file,
                 independent=self.n,
             )
@@ -228,8 +229,8 @@ class Mechanism:
     def _solve(self, state: ClosedState, right_hand_side: np.ndarray) -> np.ndarray:
         """Least-squares solution of (dependent columns) x = right-hand side, in units of `coordinate_unit`."""
         qr, reflectors = state.factor
-        # dormqr's smallest workspace and dtrsm keep to unthreaded code: dgels, dtrtrs and blocked dormqr wake BLAS threads,
-        # which at this size cost a hundred times the arithmetic when other work shares the cores.
+        # dormqr's smallest workspace and dtrsm keep to unthreaded code: dgels, dtrtrs and blocked dormqr wake BLAS
+        # threads, which at this size cost a hundred times the arithmetic when other work shares the cores.
         rotated, _, _ = lapack.dormqr("L", "T", qr, reflectors, right_hand_side, right_hand_side.shape[1])
         return blas.dtrsm(1.0, state.triangle, rotated[: len(self.dependent)])
 
@@ -271,9 +272,8 @@ class Mechanism:
 
     def search_box(self) -> tuple[np.ndarray, np.ndarray]:
         """Joint limits (nv,), cut to half a turn and to four lengths of the mechanism either way."""
-        reach = np.where(
-            [self.description.joint(name).unit == "m" for name in self.tree.joint_names], 4.0 * self.closure.length, np.pi
-        )
+        is_length = [self.description.joint(name).unit == "m" for name in self.tree.joint_names]
+        reach = np.where(is_length, 4.0 * self.closure.length, np.pi)
         lower = np.where(self.upper > -reach, np.maximum(self.lower, -reach), self.lower)
         upper = np.where(self.lower < reach, np.minimum(self.upper, reach), self.upper)
         return lower, upper
@@ -374,8 +374,8 @@ class Mechanism:
         total = self.distance(y - start.y)
         if self.closure.loops and not total <= FARTHEST:
             raise AssemblyError(
-                f"{self.pose_text(y)} is {total:.3g} away from the nearest known closed pose, more than {FARTHEST:g}: take whole "
-                "turns off the coordinates",
+                f"{self.pose_text(y)} is {total:.3g} away from the nearest known closed pose, more than "
+                f"{FARTHEST:g}: take whole turns off the coordinates",
                 margin=FARTHEST - total,
                 residual=np.nan,
                 reached=start.y.copy(),
@@ -408,8 +408,8 @@ class Mechanism:
             if share < 1e-3 and share * float(np.abs(state.G).max()) < DEAD_CENTRE:
                 return SingularityError(
                     f"the way to {self.pose_text(y)} passes a singular pose of the closure, where assembly modes meet: "
-                    f"{followed}, smallest singular value {sigma[-1]:.3g} of {sigma[0]:.3g}; take a path around it or start from "
-                    "a configuration on the other side",
+                    f"{followed}, smallest singular value {sigma[-1]:.3g} of {sigma[0]:.3g}; take a path around it "
+                    "or start from a configuration on the other side",
                     margin=float(sigma[-1]),
                     residual=residual,
                     reached=state.y.copy(),
@@ -417,10 +417,11 @@ class Mechanism:
         if residual <= RESIDUAL_TOLERANCE:
             reason = "they can be closed there, but only at or beyond a singular pose of this mode"
         else:
-            reason = f"there the residual cannot be made smaller than {residual:.3g}, the tolerance is {RESIDUAL_TOLERANCE:g}"
+            reason = f"there the residual cannot be made smaller than {residual:.3g}"
+            reason += f", the tolerance is {RESIDUAL_TOLERANCE:g}"
         return AssemblyError(
-            f"the loops cannot be closed at {self.pose_text(y)}: {followed}; {reason}: stay inside this mode's reach, or give a "
-            "configuration of the mode that you mean",
+            f"the loops cannot be closed at {self.pose_text(y)}: {followed}; {reason}: stay inside this mode's "
+            "reach, or give a configuration of the mode that you mean",
             margin=min(RESIDUAL_TOLERANCE - residual, 0.0),
             residual=residual,
             reached=state.y.copy(),
@@ -506,7 +507,7 @@ class Mechanism:
 
     # ------------------------------------------------------------------ kinematics
 
-    def _bias_acceleration(self, state: ClosedState, qd: np.ndarray) -> np.ndarray:
+    def bias_acceleration(self, state: ClosedState, qd: np.ndarray) -> np.ndarray:
         """g (nv,): tree accelerations at ydd = 0. Leaves J, dJ and the placements of this state in the workspace."""
         work = self._workspace
         pin.computeJointJacobiansTimeVariation(work.model, work.data, self.tree.to_configuration(state.q), qd)
@@ -553,7 +554,7 @@ class Mechanism:
         """Foot acceleration in the hip frame at ydd = 0, m/s², shape (3,)."""
         frame = self._need_foot()
         qd = state.G @ v
-        g = self._bias_acceleration(state, qd)
+        g = self.bias_acceleration(state, qd)
         work = self._workspace
         pin.updateFramePlacements(work.model, work.data)
         rate = pin.getFrameJacobianTimeVariation(work.model, work.data, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
@@ -568,11 +569,9 @@ class Mechanism:
         speed = float(np.abs(v).max())
         if speed == 0.0:
             return np.zeros((3, self.n))
-        columns = [
-            (self.foot_bias_acceleration(state, v + unit) - self.foot_bias_acceleration(state, v - unit)) / (4.0 * speed)
-            for unit in speed * np.eye(self.n)
-        ]
-        return np.stack(columns, axis=1)
+        a = self.foot_bias_acceleration
+        columns = [a(state, v + unit) - a(state, v - unit) for unit in speed * np.eye(self.n)]
+        return np.stack(columns, axis=1) / (4.0 * speed)
 
     # ------------------------------------------------------------------ dynamics
 
@@ -594,7 +593,7 @@ class Mechanism:
         """Open-tree joint torques of the closed motion, rnea(q, G yd, G ydd + g) plus joint friction, shape (nv,)."""
         work = self._workspace
         qd = state.G.dot(v)
-        qdd = state.G.dot(a) + self._bias_acceleration(state, qd)
+        qdd = state.G.dot(a) + self.bias_acceleration(state, qd)
         if gravity is not None:
             self._set_gravity(gravity)
         tau = pin.rnea(work.model, work.data, self.tree.to_configuration(state.q), qd, qdd)
@@ -633,8 +632,8 @@ class Mechanism:
         if transfer.shape[1] != self.n:
             kind = "redundantly actuated" if transfer.shape[1] > self.n else "under-actuated"
             raise ActuationError(
-                f"{self.description.name!r} has {self.n} independent motions and {transfer.shape[1]} actuators: it is {kind} and "
-                "the efforts are not unique; use generalized_force, which always is",
+                f"{self.description.name!r} has {self.n} independent motions and {transfer.shape[1]} actuators: it "
+                f"is {kind} and the efforts are not unique; use generalized_force, which always is",
                 motions=self.n,
                 actuators=transfer.shape[1],
             )
@@ -642,8 +641,9 @@ class Mechanism:
         sigma = np.linalg.svd(scaled, compute_uv=False)
         if not sigma[-1] > RANK_TOLERANCE * max(1.0, sigma[0]):
             raise SingularityError(
-                f"the actuators do not hold every motion at {self.pose_text(state.y)}: smallest singular value {sigma[-1]:.3g} of "
-                f"{sigma[0]:.3g}; move away from this pose, or use generalized_force, which is always unique",
+                f"the actuators do not hold every motion at {self.pose_text(state.y)}: smallest singular value "
+                f"{sigma[-1]:.3g} of {sigma[0]:.3g}; move away from this pose, or use generalized_force, which is "
+                "always unique",
                 margin=float(sigma[-1]),
             )
         return np.linalg.solve(transfer, generalized)
@@ -716,8 +716,8 @@ class Mechanism:
 
     def _massless(self, state: ClosedState, pivot: float) -> SingularityError:
         return SingularityError(
-            f"the mass matrix is singular at {self.pose_text(state.y)} (smallest pivot {pivot:.3g} of 1): a motion carries no "
-            "mass; give the links it moves, or the rotors, their inertia",
+            f"the mass matrix is singular at {self.pose_text(state.y)} (smallest pivot {pivot:.3g} of 1): a motion "
+            "carries no mass; give the links it moves, or the rotors, their inertia",
             margin=pivot,
         )
 

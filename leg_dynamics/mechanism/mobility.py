@@ -159,14 +159,17 @@ def _neighbours(mechanism: Mechanism, q: np.ndarray, seed: int = 0) -> list[Pose
 def _flags_error(mechanism: Mechanism, rank: PoseRank) -> DescriptionError:
     flagged, mobility = mechanism.n, rank.mobility
     if flagged < mobility:
-        fault = f"{mobility - flagged} motions would be left undetermined: mark more joints independent, or add the missing loops"
+        fault = (
+            f"{mobility - flagged} motions would be left undetermined: mark more joints independent, or add the "
+            "missing loops"
+        )
     elif flagged > mobility:
         fault = f'{flagged - mobility} of them cannot move freely: mark passive joints independent="false"'
     else:
         fault = "but these joints do not determine the others: mark other joints independent"
     return DescriptionError(
-        f"{flagged} joints are independent ({', '.join(mechanism.joint_names)}) and the mechanism's mobility is {mobility} "
-        f"({mechanism.nv} tree joints, loop rows of rank {rank.rank}); {fault}",
+        f"{flagged} joints are independent ({', '.join(mechanism.joint_names)}) and the mechanism's mobility is "
+        f"{mobility} ({mechanism.nv} tree joints, loop rows of rank {rank.rank}); {fault}",
         file=mechanism.description.file,
         mobility=mobility,
         independent=flagged,
@@ -198,7 +201,8 @@ def check_independent(mechanism: Mechanism, state: ClosedState) -> None:
 
 def _is_free(mechanism: Mechanism, state: ClosedState) -> bool:
     """Whether neighbouring independent coordinates can be closed."""
-    direction = np.random.default_rng(0).uniform(0.5, 1.0, mechanism.n) * mechanism.closure.coordinate_unit[mechanism.independent]
+    unit = mechanism.closure.coordinate_unit[mechanism.independent]
+    direction = np.random.default_rng(0).uniform(0.5, 1.0, mechanism.n) * unit
     for step in PROBE_STEPS:
         if all(mechanism.advance(state, state.y + sign * step * direction) is not None for sign in (1.0, -1.0)):
             return True
@@ -266,9 +270,13 @@ def mobility_report(mechanism: Mechanism, samples: int = 20, seed: int = 0) -> M
         random_poses = _neighbours(mechanism, start, seed)[:samples]
     generic = random_poses or poses
     if not generic:
-        raise failure if failure is not None else AssemblyError(
-            f"no closed pose of {mechanism.description.name!r} was found: add a <configuration> that closes the loops, and ask for "
-            "at least one sample"
+        raise (
+            failure
+            if failure is not None
+            else AssemblyError(
+                f"no closed pose of {mechanism.description.name!r} was found: add a <configuration> that closes the "
+                "loops, and ask for at least one sample"
+            )
         )
     return MobilityReport(
         name=mechanism.description.name,

@@ -17,7 +17,9 @@ __all__ = ["PinocchioRoute"]
 
 Row = Callable[..., np.ndarray]
 
-REACH_TOLERANCE = 1e-12
+# Shares of the mechanism's length.
+REACH_TOLERANCE = 4e-12
+REACH_ACCEPTED = 4e-9
 REACH_ITERATIONS = 100
 LARGEST_JOINT_STEP = 0.2
 
@@ -175,8 +177,8 @@ class PinocchioRoute:
             meant = close_configuration(mechanism, configuration)
             if meant is not None and pose_difference(mechanism, state, meant) > SAME_POSE:
                 raise AssemblyError(
-                    f"configuration {branch!r} lies in another assembly mode than {mechanism.description.home.name!r}: make it "
-                    "the file's home to use that mode",
+                    f"configuration {branch!r} lies in another assembly mode than the file's first: make it the file's "
+                    "home to use that mode",
                     residual=meant.residual,
                 )
             return state
@@ -185,6 +187,7 @@ class PinocchioRoute:
     def _reach(self, p: np.ndarray, branch: str) -> np.ndarray:
         """Gauss-Newton with damping and step control on the foot position, staying in the assembly mode."""
         mechanism = self.mechanism
+        length = mechanism.closure.length
         state = self._start(branch)
         y = state.y.copy()
         J = mechanism.foot_jacobian(state)
@@ -196,7 +199,7 @@ class PinocchioRoute:
         for _ in range(REACH_ITERATIONS):
             J = mechanism.foot_jacobian(state)
             distance = float(np.linalg.norm(error))
-            if distance < REACH_TOLERANCE:
+            if distance < REACH_TOLERANCE * length:
                 break
             normal = J @ J.T + damping * float(np.trace(J @ J.T)) * np.eye(3)
             step = J.T @ np.linalg.solve(normal, error)
@@ -213,12 +216,12 @@ class PinocchioRoute:
             new_error = p - mechanism.foot_position(candidate)
             if float(np.linalg.norm(new_error)) < distance:
                 y, state, error, damping = y + step, candidate, new_error, max(0.1 * damping, 1e-15)
-            elif distance < 1e-10 and largest < 1e-8:
+            elif distance < 0.1 * REACH_ACCEPTED * length and largest < 1e-8:
                 break
             else:
                 damping = min(10.0 * damping, 1e6)
         distance = float(np.linalg.norm(error))
-        if distance > 1e-9:
+        if not distance <= REACH_ACCEPTED * length:
             raise OutOfReachError(
                 f"no joint coordinates in branch {branch!r} put the foot at {p.tolist()} m: the nearest point found is "
                 f"{distance:.3g} m away; check the workspace or start from another configuration",

@@ -63,8 +63,8 @@ class Tree:
             model = pin.buildModelFromXML(description.urdf)
         except (ValueError, RuntimeError) as error:
             raise DescriptionError(
-                f"pinocchio cannot read the tree: {error} (revolute and prismatic joints need a <limit> with effort and "
-                "velocity, a body's <inertial> its mass and inertia)",
+                f"pinocchio cannot read the tree: {error} (revolute and prismatic joints need a <limit> with effort "
+                "and velocity, a body's <inertial> its mass and inertia)",
                 file=description.file,
             ) from error
         names = tuple(model.names[1:])

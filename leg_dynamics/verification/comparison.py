@@ -22,8 +22,9 @@ Quantity = Callable[[Leg, States, OnError], np.ndarray]
 def relative(first: np.ndarray, second: np.ndarray, axes: int) -> np.ndarray:
     """Largest |difference| over the last `axes` axes, relative to 1 + the largest magnitude there; NaN stays NaN."""
     over = tuple(range(-axes, 0))
-    difference = np.abs(first - second).max(axis=over, initial=0.0)
-    return difference / (1.0 + np.maximum(np.abs(first), np.abs(second)).max(axis=over, initial=0.0))
+    with np.errstate(invalid="ignore"):
+        difference = np.abs(first - second).max(axis=over, initial=0.0)
+        return difference / (1.0 + np.maximum(np.abs(first), np.abs(second)).max(axis=over, initial=0.0))
 
 
 def check(

@@ -139,7 +139,9 @@ def crosscheck_legs(
         spread = np.unique(np.linspace(0, len(states) - 1, FIRST_PRINCIPLES_SAMPLES).round().astype(np.intp))
         roomy = with_room(leg, states.take(spread))
         if len(roomy) == 0:
-            raise AssemblyError(f"{leg.name!r} has no state with room around it to take differences in by {leg.route!r}")
+            raise AssemblyError(
+                f"{leg.name!r} has no state with room around it to take differences in by {leg.route!r}"
+            )
         checks += against_first_principles(leg, roomy)
         group = f"{leg.route}: first principles"
         quantity = f"energy of a {swing.seconds:.3g} s free swing"

@@ -98,4 +98,5 @@ def energy_drift(leg: Leg, swing: Swing) -> np.ndarray:
     kinetic = leg.kinetic_energy(swing.q, swing.v, on_error="nan")
     total = kinetic + leg.potential_energy(swing.q, on_error="nan")
     largest = float(kinetic.max())
-    return np.abs(total - total[0]) / largest if largest > 0.0 else np.full(len(total), np.nan)
+    moved = len(total) > 1 and largest > 0.0
+    return np.abs(total - total[0]) / largest if moved else np.full(len(total), np.nan)

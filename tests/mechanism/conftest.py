@@ -54,10 +54,19 @@ class Text:
         points = generator.normal(scale=0.1, size=(8, 3))
         second = points.T @ points / 8.0
         tensor = mass * (np.trace(second) * np.eye(3) - second)
-        ixx, ixy, ixz, iyy, iyz, izz = (repr(float(tensor[i])) for i in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))
+        ixx, ixy, ixz, iyy, iyz, izz = (repr(float(value)) for value in tensor[np.triu_indices(3)])
         self.parts.append(
             f'<link name="{name}"><inertial>{origin(generator.normal(scale=0.05, size=3))}<mass value="{mass!r}"/>'
             f'<inertia ixx="{ixx}" ixy="{ixy}" ixz="{ixz}" iyy="{iyy}" iyz="{iyz}" izz="{izz}"/></inertial></link>'
+        )
+        return self
+
+    def point_mass(self, name: str, mass: float) -> Text:
+        """A small ball: its weight acts at the link's origin."""
+        self.links.append(name)
+        self.parts.append(
+            f'<link name="{name}"><inertial><mass value="{mass!r}"/>'
+            '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial></link>'
         )
         return self
 
@@ -86,8 +95,8 @@ class Text:
         limits = f'<limit {bounds}effort="100" velocity="100"/>' if kind in ("revolute", "prismatic") else ""
         dynamics = f'<dynamics damping="{damping!r}" friction="{friction!r}"/>' if damping or friction else ""
         self.parts.append(
-            f'<joint name="{name}" type="{kind}"{flag}><parent link="{parent}"/><child link="{child}"/>{origin(xyz, rpy)}'
-            f'<axis xyz="{words(axis)}"/>{limits}{dynamics}{extra}</joint>'
+            f'<joint name="{name}" type="{kind}"{flag}><parent link="{parent}"/><child link="{child}"/>'
+            f'{origin(xyz, rpy)}<axis xyz="{words(axis)}"/>{limits}{dynamics}{extra}</joint>'
         )
         return self
 
@@ -116,9 +125,9 @@ class Text:
 
     def motor(self, joint: str, reduction: float = 1.0, rotor_inertia: float = 0.0) -> Text:
         self.parts.append(
-            f'<transmission name="drive_{joint}"><type>transmission_interface/SimpleTransmission</type><joint name="{joint}"/>'
-            f'<actuator name="M_{joint}"><mechanicalReduction>{reduction!r}</mechanicalReduction>'
-            f"<rotorInertia>{rotor_inertia!r}</rotorInertia></actuator></transmission>"
+            f'<transmission name="drive_{joint}"><type>transmission_interface/SimpleTransmission</type>'
+            f'<joint name="{joint}"/><actuator name="M_{joint}">'
+            f"<mechanicalReduction>{reduction!r}</mechanicalReduction><rotorInertia>{rotor_inertia!r}</rotorInertia></actuator></transmission>"
         )
         return self
 
@@ -190,8 +199,9 @@ def parallelogram(theta: float = 0.8, copies: int = 1) -> Text:
     text.joint("crank", "revolute", "base", "crank_link", independent=True)
     values = {"crank": theta}
     for i in range(copies):
-        text.joint(f"coupler{i}", "revolute", "crank_link", f"coupler_link{i}", xyz=(0.2, 0, 0.1 * i), independent=False)
-        text.joint(f"rocker{i}", "revolute", "base", f"rocker_link{i}", xyz=(0.5, 0, 0.1 * i), independent=False)
+        for name, parent, x in ((f"coupler{i}", "crank_link", 0.2), (f"rocker{i}", "base", 0.5)):
+            child = name.replace(str(i), f"_link{i}")
+            text.joint(name, "revolute", parent, child, xyz=(x, 0, 0.1 * i), independent=False)
         text.loop(
             f"pin{i}", "revolute", (f"coupler_link{i}", (0.5, 0, 0), ZERO), (f"rocker_link{i}", (0.2, 0, 0), ZERO)
         )
@@ -263,7 +273,7 @@ SLIDING_MOTION = {
 
 
 def random_loop(kind: str, seed: int, flags: Mapping[str, bool] | None = None) -> str:
-    """Two random branches of four joints, some continuous or prismatic, joined by one loop that a random pose closes."""
+    """Two random branches of four joints, some continuous or prismatic, joined by a loop that a random pose closes."""
     generator = np.random.default_rng([seed, LOOP_ROWS[kind], len(kind)])
     text = Text(f"random_{kind}", seed=seed).link("base", 0.0)
     values = {}
@@ -311,7 +321,7 @@ def closed_mechanism(kind: str, seed: int) -> Mechanism:
 
     bench = Bench(random_loop(kind, seed))
     _, _, order = qr(bench.rows(bench.home).jacobian, pivoting=True)
-    flags = {name: True for name in bench.tree.joint_names}
+    flags = dict.fromkeys(bench.tree.joint_names, True)
     for index in order[: LOOP_ROWS[kind]]:
         flags[bench.tree.joint_names[index]] = False
     return Mechanism(parse(random_loop(kind, seed, flags)), foot="link_b3")

@@ -52,7 +52,11 @@ def central_difference(function, q, h=1e-6):
 def test_jacobian_is_the_derivative_of_the_residual_on_and_off_the_closed_surface(lab, kind, seed):
     bench = lab.Bench(lab.random_loop(kind, seed))
     rng = np.random.default_rng(seed)
-    for q in (bench.home, bench.home + rng.normal(scale=0.3, size=len(bench.home)), rng.uniform(-2, 2, len(bench.home))):
+    for q in (
+        bench.home,
+        bench.home + rng.normal(scale=0.3, size=len(bench.home)),
+        rng.uniform(-2, 2, len(bench.home)),
+    ):
         K = bench.rows(q).jacobian.copy()
         numeric = central_difference(lambda x: bench.rows(x).residual.copy(), q)
         np.testing.assert_allclose(K, numeric, atol=2e-8)
@@ -100,7 +104,13 @@ def test_drift_of_couplings_is_zero_and_of_no_loops_too(lab):
 def test_mirrored_pairs_have_the_same_rows_and_are_told_apart(lab, kind):
     """Half a turn about an axis of the loop frame zeroes the rows as well; that pair is not the joint."""
     text = lab.Text().joint("turn", "revolute", "base", "body", (1, 0, 0))
-    text.loop("closing", kind, ("base", lab.ZERO, lab.ZERO), ("body", lab.ZERO, lab.ZERO), None if kind == "fixed" else (0, 0, 1))
+    text.loop(
+        "closing",
+        kind,
+        ("base", lab.ZERO, lab.ZERO),
+        ("body", lab.ZERO, lab.ZERO),
+        None if kind == "fixed" else (0, 0, 1),
+    )
     bench = lab.Bench(text.xml)
     for angle, right in ((0.0, True), (math.pi, False)):
         assert np.abs(bench.rows(np.array([angle])).residual).max() < 1e-15
@@ -111,7 +121,9 @@ def test_a_fixed_pair_a_third_of_a_turn_out_is_not_closed(lab):
     """A cyclic permutation of the axes zeroes x.y', y.z' and z.x' one way round: cosine 0 is refused, not only -1."""
     axis = np.ones(3) / math.sqrt(3)
     text = lab.Text().joint("turn", "revolute", "base", "body", axis)
-    bench = lab.Bench(text.loop("closing", "fixed", ("base", lab.ZERO, lab.ZERO), ("body", lab.ZERO, lab.ZERO), None).xml)
+    bench = lab.Bench(
+        text.loop("closing", "fixed", ("base", lab.ZERO, lab.ZERO), ("body", lab.ZERO, lab.ZERO), None).xml
+    )
     accepted = []
     for angle in (2 * math.pi / 3, -2 * math.pi / 3):
         bench.rows(np.array([angle]))

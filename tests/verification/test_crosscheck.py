@@ -1,0 +1,245 @@
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import leg_dynamics as ld
+from leg_dynamics.description import render, shipped_urdf
+from leg_dynamics.errors import AssemblyError, FormulaAssumptionError, LegNotFoundError, ParameterError, ShapeError
+from leg_dynamics.verification.crosscheck import crosscheck, crosscheck_legs
+
+MODULE = importlib.import_module("leg_dynamics.verification.crosscheck")
+BOTH = ("closed_form", "pinocchio")
+
+
+@pytest.fixture
+def short_swing(monkeypatch):
+    monkeypatch.setattr(MODULE, "SECONDS", 0.05)
+
+
+def quantities(report, group=""):
+    return [check.quantity for check in report.checks if group in check.group]
+
+
+def failing(report):
+    return {(check.group, check.quantity) for check in report.checks if not check.passed}
+
+
+def test_the_omnileg():
+    """The main promise, at 500 states with the shipped and with random inertias."""
+    told = []
+    report = crosscheck("omnileg", samples=500, seed=1, progress=lambda what, share: told.append((what, share)))
+    report.raise_if_failed()
+    assert report.passed
+    assert (report.leg, report.routes, report.samples, report.seed, report.left_out) == ("omnileg", BOTH, 500, 1, 0)
+    for group in ("closed_form against pinocchio", "closed_form against pinocchio, random inertias"):
+        checks = [check for check in report.checks if check.group == group]
+        assert len(checks) >= 7
+        assert {check.samples for check in checks} == {500}
+        assert max(check.worst for check in checks) < 1e-10
+    assert "joint angles that close the loops" in quantities(report)
+    for route in BOTH:
+        assert "energy of a 5 s free swing" in quantities(report, f"{route}: first principles")
+    assert report.worst.worst <= report.worst.tolerance
+    json.loads(report.to_json())
+    shares = [share for _, share in told]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+
+
+@pytest.mark.slow
+def test_the_omnileg_at_ten_thousand_states():
+    crosscheck("omnileg", samples=10_000, seed=2).raise_if_failed()
+
+
+def test_the_seed_makes_the_report(pendulum):
+    first, again, other = (crosscheck(pendulum(), samples=40, seed=seed).to_dict() for seed in (4, 4, 5))
+    assert [check["at"] for check in first["checks"]] == [check["at"] for check in again["checks"]]
+    assert [check["at"] for check in first["checks"]] != [check["at"] for check in other["checks"]]
+
+
+@pytest.mark.parametrize("samples", [1, 9])
+def test_few_samples(short_swing, samples):
+    report = crosscheck("omnileg", samples=samples)
+    assert report.passed
+    assert report.checks[0].samples == samples
+
+
+@pytest.mark.parametrize("samples", [0, -1, 1.5, "10", None, True])
+def test_samples_is_a_positive_whole_number(samples):
+    with pytest.raises(ShapeError, match="samples"):
+        crosscheck("omnileg", samples=samples)
+
+
+# What can be checked.
+
+
+@pytest.mark.parametrize("route", BOTH)
+def test_a_loaded_leg_is_held_against_its_sibling(short_swing, route):
+    leg = ld.load("omnileg", route, parameters={"L1": 0.2})
+    report = crosscheck(leg, samples=5)
+    assert report.passed
+    assert report.routes == BOTH
+    with pytest.raises(ParameterError, match="foot"):
+        crosscheck(leg, foot="foot")
+
+
+def test_load_options(short_swing, tmp_path, monkeypatch):
+    seen = []
+    monkeypatch.setattr(MODULE, "load", lambda *a, **k: seen.append(ld.load(*a, **k)) or seen[-1])
+    assert crosscheck("omnileg", samples=5, parameters={"L1": 0.2}).routes == BOTH
+    path = tmp_path / "mine.urdf"
+    path.write_text(render("omnileg", {"L1": 0.18}))
+    report = crosscheck("omnileg", samples=5, urdf=path)
+    assert report.passed
+    assert report.routes == BOTH
+    heights = [leg.foot_position(np.zeros(3))[2] for leg in seen]
+    np.testing.assert_allclose(heights, [0.55, 0.53], atol=1e-12)
+    assert crosscheck("omnileg", samples=5, foot="knee", route="pinocchio").routes == ("pinocchio",)
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_a_path_has_one_route(short_swing, kind):
+    report = crosscheck(kind(shipped_urdf("omnileg")), samples=5)
+    assert report.passed
+    assert report.routes == ("pinocchio",)
+    assert report.leg == str(shipped_urdf("omnileg"))
+    assert {check.group for check in report.checks} == {"pinocchio: first principles"}
+
+
+def test_what_cannot_be_loaded(tmp_path):
+    with pytest.raises(LegNotFoundError):
+        crosscheck("omnlieg")
+    path = tmp_path / "skew.urdf"
+    path.write_text(shipped_urdf("omnileg").read_text().replace('"0 0 0.15"', '"0 0 0.16"', 1))
+    with pytest.raises(FormulaAssumptionError):
+        crosscheck("omnileg", urdf=path)
+
+
+def test_a_foreign_mechanism_without_foot(pendulum):
+    report = crosscheck(pendulum(0.02, 0.01), samples=40)
+    assert report.passed
+    assert report.leg == "pendulum"
+    assert "energy of a 5 s free swing" in quantities(report)
+
+
+def test_states_that_cannot_be_assembled_are_left_out_and_counted(four_bar):
+    report = crosscheck(four_bar, samples=200)
+    report.raise_if_failed()
+    # The box is +-2 rad, the crank goes to +-acos(-1/4).
+    assert 4 <= report.left_out <= 40
+    (swing,) = (check for check in report.checks if "swing" in check.quantity)
+    assert swing.quantity.startswith("energy of a 1.")
+    assert "ended early" in swing.detail
+    assert json.loads(report.to_json())["left_out"] == report.left_out
+
+
+def test_a_leg_that_can_be_assembled_nowhere(four_bar, plant):
+    def refuse(result, q, failures):
+        failures.add(np.arange(len(np.atleast_2d(q))), AssemblyError("torn", margin=-1.0))
+        return result * np.nan
+
+    with pytest.raises(AssemblyError, match="no route can assemble 'four_bar' at any of 10 states.*torn") as caught:
+        crosscheck_legs([plant(ld.load(four_bar), tree_coordinates=refuse)], "four_bar", 10, 0)
+    assert caught.value.rows.tolist() == list(range(10))
+
+
+def test_a_mechanism_without_room_for_differences(four_bar):
+    limit = 'lower="-2" upper="2"'
+    narrow = four_bar.replace(limit, 'lower="1.80" upper="1.82"', 1)
+    with pytest.raises(AssemblyError, match="no state with room"):
+        crosscheck(narrow, samples=10)
+
+
+# What it notices.
+
+# The formulas twice, once with an error: what a check sees does not depend on which route is wrong.
+AGAINST = "closed_form against closed_form"
+RANDOM = f"{AGAINST}, random inertias"
+
+
+def test_an_error_in_one_route_is_named_with_its_state(short_swing, closed, plant):
+    column = closed.tree_joint_names.index("theta22")
+
+    def flip(result, *_):
+        signs = np.ones(result.shape[-1])
+        signs[column] = -1.0
+        return result * signs
+
+    report = crosscheck_legs([plant(closed, tree_coordinates=flip), closed], "x", 30, 0)
+    assert not report.passed
+    assert failing(report) == {
+        (AGAINST, "joint angles that close the loops"),
+        ("closed_form: first principles", "loops and couplings close"),
+    }
+    worst = report.checks[0]
+    assert worst.worst > 0.1
+    # theta22 is the angle that beta turns.
+    assert abs(worst.at["beta"]) > 0.5
+    assert "DISAGREES" in str(table_text(report))
+    assert json.loads(report.to_json())["passed"] is False
+
+
+def table_text(report):
+    from rich.console import Console
+
+    console = Console(width=160, force_terminal=False)
+    with console.capture() as capture:
+        console.print(report)
+    return capture.get()
+
+
+def test_swapped_actuators_are_noticed(short_swing, closed, plant):
+    wrong = plant(closed, torque=lambda result, *_: result[..., [1, 0, 2]])
+    names = failing(crosscheck_legs([wrong, closed], "x", 30, 0))
+    for group in (AGAINST, RANDOM):
+        assert {(group, "torque"), (group, "torque with foot force, tilted")} <= names
+    assert ("closed_form: first principles", "power balance") in names
+
+
+def test_an_error_that_only_random_inertias_show(short_swing, closed, plant):
+    """An error that the shipped bodies are too light to show."""
+    shipped = closed.mass_matrix(np.zeros(3))
+
+    def only_others(result, q, *_):
+        other = np.abs(result).max() > 4.0 * np.abs(shipped).max()
+        return result * (1.0 + 1e-6 * other)
+
+    report = crosscheck_legs([plant(closed, mass_matrix=only_others), closed], "x", 20, 0)
+    assert failing(report) == {(RANDOM, "mass matrix")}
+
+
+def test_nan_of_one_route_is_a_failure_not_an_exception(short_swing, closed, plant):
+    def refuse(result, q, failures):
+        rows = np.flatnonzero(np.atleast_2d(q)[:, 2] > 1.2)
+        failures.add(rows, AssemblyError("bent too far", rows=rows, margin=-1.0)) if rows.size else None
+        return np.where((q[..., 2] > 1.2)[..., None], np.nan, result)
+
+    report = crosscheck_legs([plant(closed, tree_coordinates=refuse), closed], "x", 30, 0)
+    check = report.checks[0]
+    assert np.isnan(check.worst)
+    assert check.at["gamma"] > 1.2
+    assert check.detail == "closed_form: AssemblyError: bent too far"
+    assert report.left_out == 0
+    assert report.worst is check
+    assert json.loads(report.to_json())["checks"][0]["worst"] is None
+    assert "bent too far" in table_text(report)
+
+
+def test_an_acceleration_that_is_wrong_on_the_swing_only(short_swing, closed, plant):
+    def slower(result, q, v, tau, *_):
+        return result * (1.0 + 1e-6 * (np.abs(tau).max() == 0.0))
+
+    names = failing(crosscheck_legs([plant(closed, acceleration=slower), closed], "x", 20, 0))
+    assert names == {("closed_form: first principles", "acceleration along the swing")}
+
+
+def test_energy_that_one_route_loses(short_swing, closed, plant):
+    wrong = plant(closed, potential_energy=lambda result, q, *_: result + 1e-4 * q[..., 0])
+    assert ("closed_form: first principles", "energy of a 0.05 s free swing") in failing(
+        crosscheck_legs([wrong, closed], "x", 20, 0)
+    )
