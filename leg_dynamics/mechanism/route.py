@@ -22,6 +22,8 @@ REACH_TOLERANCE = 4e-12
 REACH_ACCEPTED = 4e-9
 REACH_ITERATIONS = 100
 LARGEST_JOINT_STEP = 0.2
+# Other starting poses where the descent from the configuration gets stuck.
+RESTARTS = 16
 
 
 class PinocchioRoute:
@@ -185,10 +187,43 @@ class PinocchioRoute:
         return mechanism.seeds[0]
 
     def _reach(self, p: np.ndarray, branch: str) -> np.ndarray:
-        """Gauss-Newton with damping and step control on the foot position, staying in the assembly mode."""
+        """Descend from the configuration; where that gets stuck, from other poses inside the joint limits.
+
+        A descent started elsewhere counts only where it ends inside the joint limits: outside, it may have left
+        the branch.
+        """
+        mechanism = self.mechanism
+        accepted = REACH_ACCEPTED * mechanism.closure.length
+        start = self._start(branch)
+        best, nearest = self._descend(p, start)
+        if best <= accepted:
+            return nearest
+        from scipy.stats.qmc import Halton
+
+        lower, upper = (bound[mechanism.independent] for bound in mechanism.search_box())
+        for share in Halton(mechanism.n, scramble=False).random(RESTARTS):
+            try:
+                distance, y = self._descend(p, mechanism.close(lower + share * (upper - lower)))
+            except (AssemblyError, SingularityError):
+                continue
+            if distance <= accepted and (y >= lower - accepted).all() and (y <= upper + accepted).all():
+                return y
+            if distance < best:
+                best, nearest = distance, y
+        raise OutOfReachError(
+            f"no joint coordinates in branch {branch!r} put the foot at {p.tolist()} m: the nearest point found is "
+            f"{best:.3g} m away; check the workspace or start from another configuration",
+            margin=-best,
+            nearest=nearest,
+        )
+
+    def _descend(self, p: np.ndarray, state: ClosedState) -> tuple[float, np.ndarray]:
+        """Gauss-Newton with damping and step control on the foot position, staying in the assembly mode.
+
+        Returns the distance that is left, m, and the independent coordinates there.
+        """
         mechanism = self.mechanism
         length = mechanism.closure.length
-        state = self._start(branch)
         y = state.y.copy()
         J = mechanism.foot_jacobian(state)
         if np.linalg.matrix_rank(J, tol=1e-6 * max(1.0, float(np.abs(J).max()))) < min(J.shape):
@@ -220,15 +255,7 @@ class PinocchioRoute:
                 break
             else:
                 damping = min(10.0 * damping, 1e6)
-        distance = float(np.linalg.norm(error))
-        if not distance <= REACH_ACCEPTED * length:
-            raise OutOfReachError(
-                f"no joint coordinates in branch {branch!r} put the foot at {p.tolist()} m: the nearest point found is "
-                f"{distance:.3g} m away; check the workspace or start from another configuration",
-                margin=-distance,
-                nearest=state.y.copy(),
-            )
-        return y
+        return float(np.linalg.norm(error)), y
 
     def _leave_singular(self, y: np.ndarray) -> np.ndarray:
         """A regular starting point near a singular configuration: towards the middle of the joint limits."""

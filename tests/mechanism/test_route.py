@@ -241,3 +241,9 @@ def test_singular_rows_are_reported_with_the_rest_of_the_batch(lab):
     with pytest.raises((SingularityError, AssemblyError)) as caught:
         leg.torque([[0.5], [-0.5]], [1.0], [0.0])
     assert caught.value.rows.tolist() == [1]
+
+
+def test_inverse_kinematics_reaches_the_corners_where_a_straight_descent_folds_the_shank(omnileg):
+    corners = np.radians([(a, b, 85.0) for a in (-65, 65) for b in (-65, 65)])
+    leg = ld.load("omnileg", route="pinocchio")
+    np.testing.assert_allclose(leg.inverse_kinematics(leg.foot_position(corners)), corners, atol=1e-9)

@@ -73,7 +73,8 @@ def pendulum():
 
     def text(damping=0.0, friction=0.0):
         dynamics = f'<dynamics damping="{damping}" friction="{friction}"/>'
-        return f"""<robot name="pendulum"><link name="base"/><link name="arm">{BODY}</link><link name="tip">{BODY}</link>
+        return f"""<robot name="pendulum"><link name="base"/>
+          <link name="arm">{BODY}</link><link name="tip">{BODY}</link>
           <joint name="first" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>{LIMIT}
           {dynamics}</joint>
           <joint name="second" type="revolute"><parent link="arm"/><child link="tip"/><origin xyz="0.2 0 0"/>

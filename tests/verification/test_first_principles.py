@@ -283,7 +283,8 @@ def loop_text(kind):
     links = "".join(f'<link name="l{i}"/>' for i in range(7))
     joints = "".join(
         f'<joint name="{name}" type="{"prismatic" if name in "xyz" else "revolute"}"><parent link="l{i}"/>'
-        f'<child link="l{i + 1}"/><axis xyz="{AXES[name]}"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        f'<child link="l{i + 1}"/><axis xyz="{AXES[name]}"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
+        "</joint>"
         for i, name in enumerate(names)
     )
     axis = "" if kind in ("fixed", "spherical", "universal") else '<axis xyz="1 0 0"/>'

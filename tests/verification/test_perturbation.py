@@ -37,6 +37,7 @@ def test_geometry_stays_and_dynamics_change(closed):
 
 
 def test_massless_links_stay_massless():
-    text = "<robot name='r'><link name='a'/><link name='b'/><joint name='j' type='fixed'><parent link='a'/><child link='b'/></joint></robot>"
+    text = """<robot name='r'><link name='a'/><link name='b'/>
+      <joint name='j' type='fixed'><parent link='a'/><child link='b'/></joint></robot>"""
     after = parse(with_random_inertia(parse(text), 0))
     assert all(link.inertial is None for link in after.links)
