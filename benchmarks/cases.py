@@ -189,7 +189,7 @@ def rnea(workload: Workload) -> Work:
     for q, v, a in zip(*workload.states, strict=True):
         state = mechanism.close(q)
         qd = state.G @ v
-        arguments.append((model, data, state.q, qd, state.G @ a + mechanism._bias_acceleration(state, qd)))
+        arguments.append((model, data, state.q, qd, state.G @ a + mechanism.bias_acceleration(state, qd)))
         projections.append(state.G)
     return Work(
         pin.rnea,
@@ -205,7 +205,7 @@ def mechanism_closed(workload: Workload) -> Work:
 
     def torque(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         # The three steps of `Mechanism.close` without the search for q.
-        state = mechanism.complete(mechanism._state(q, mechanism.evaluate(q)))
+        state = mechanism.state_of(q)
         return mechanism.actuator_effort(state, mechanism.generalized_force(state, v, a))
 
     return workload.at_states(torque, workload.tree_coordinates, *workload.states[1:])
@@ -242,7 +242,7 @@ def projected(workload: Workload) -> Work:
     mechanism = workload.mechanism()
 
     def acceleration(q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        state = mechanism.complete(mechanism._state(q, mechanism.evaluate(q)))
+        state = mechanism.state_of(q)
         return mechanism.acceleration(state, v, tau)
 
     return workload.forward(acceleration, workload.tree_coordinates)

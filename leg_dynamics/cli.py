@@ -19,9 +19,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol
 import typer
 
 from leg_dynamics.errors import (
+    ActuationError,
     CrosscheckError,
     LegDynamicsError,
     LegDynamicsWarning,
+    MissingFootError,
     OutputError,
     TrajectoryError,
     UnsupportedError,
@@ -392,6 +394,15 @@ def preview_leg(
     leg: LegName,
     trajectory: TrajectoryOption = None,
     route: RouteOption = None,
+    foot_force: Annotated[
+        str | None,
+        typer.Option(
+            "--foot-force", metavar="X,Y,Z", help="N, applied by the environment to the foot, in the hip frame."
+        ),
+    ] = None,
+    force_window: Annotated[
+        str | None, typer.Option("--force-window", metavar="T0,T1", help="When the force acts, s; always if absent.")
+    ] = None,
     duration: DurationOption = None,
     rate: RateOption = None,
     ignore_limits: LimitsOption = False,
@@ -403,21 +414,36 @@ def preview_leg(
     ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Live view: do not open a browser.")] = False,
 ) -> None:
-    """Show the moving leg in 3-D: live on this machine, or as one HTML file that plays offline."""
+    """Show the moving leg in 3-D: live on this machine, or as one HTML file that plays offline.
+
+    Along a trajectory the motors are coloured by their torque; a force on the foot is an arrow.
+    """
     from leg_dynamics.preview import show_live, write_html
 
     _check_writable(html)
+    force = None if foot_force is None else _numbers("--foot-force", foot_force, 3)
+    window = None if force_window is None else _numbers("--force-window", force_window, 2)
+    if window is not None and force is None:
+        raise typer.BadParameter("--force-window needs --foot-force")
     model = _load(leg, route, set_, foot, urdf)
     motion = _preview_motion(model, trajectory, duration, rate, ignore_limits)
+    if force is not None:
+        motion = motion.with_foot_force(force, *(window or (None, None)))
+    loads = _preview_loads(model, motion)
     values, trace = _animation(model, motion)
     if html is not None:
         title = f"{model.description.name}, {motion.name}"
         _write_atomically(
-            html, lambda path: write_html(model.description, motion.time, values, path, foot_trace=trace, title=title)
+            html,
+            lambda path: write_html(
+                model.description, motion.time, values, path, foot_trace=trace, title=title, **loads
+            ),
         )
         _say_written(html)
         return
-    view = show_live(model.description, motion.time, values, foot_trace=trace, open_browser=not no_browser, loop=True)
+    view = show_live(
+        model.description, motion.time, values, foot_trace=trace, open_browser=not no_browser, loop=True, **loads
+    )
     print(f"{view.url}  (Ctrl-C ends the view)", flush=True)
     view.wait()
 
@@ -458,6 +484,40 @@ def demo(
         _say_written(path)
     if not (report.passed and result["comparison"]["passed"]):
         _complain("error: the routes disagree; see the tables above")
+        raise typer.Exit(FAILED)
+
+
+@_command("reproduce")
+def reproduce_paper(
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="The paper, by its leg's name: omnileg.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", metavar="DIR", help="Write index.html, report.json and the plots into this folder."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Judge a paper's equations, tables, figures and claims by computing them; exit 1 if what must hold fails."""
+    from leg_dynamics import papers
+
+    if output is not None and output.exists() and not output.is_dir():
+        raise OutputError(f"{output} is a file; name a folder", path=str(output))
+    with _progress() as progress:
+        task = progress.add_task(paper, total=1.0)
+
+        def step(what: str, share: float) -> None:
+            progress.update(task, description=what, completed=share)
+
+        report = papers.find(paper).reproduce(progress=step)
+        written = () if output is None else report.write(output, progress=step)
+    if as_json:
+        _print_json(report.to_dict() | {"files": [str(path) for path in written]})
+    else:
+        _console().print(report)
+        for path in written:
+            _say_written(path)
+    if not report.passed:
+        failing = ", ".join(check.name for check in report.checks if not check.passed)
+        _complain(f"error: what must hold does not: {failing}")
         raise typer.Exit(FAILED)
 
 
@@ -575,6 +635,26 @@ def _animation(leg: Leg, motion: Trajectory) -> tuple[dict[str, np.ndarray], np.
     if leg.foot is None:
         return values, None
     return values, link_transforms(leg.description, values)[leg.foot][..., :3, 3]
+
+
+def _preview_loads(leg: Leg, motion: Trajectory) -> dict[str, Any]:
+    """What a preview draws of the forces: that on the foot in the root frame, and the efforts along a motion."""
+    from leg_dynamics.preview import in_root_frame
+
+    loads: dict[str, Any] = {}
+    if motion.foot_force is not None:
+        # The torque would say so too, but a still has none.
+        if leg.foot is None:
+            raise MissingFootError(f"{leg.description.name} has no foot for the force to act on; name it with --foot")
+        loads["foot_force"] = in_root_frame(leg.description, motion.foot_force)
+    if len(motion) > 1:
+        try:
+            efforts = _torque(leg, motion)
+        except ActuationError as error:
+            _complain(f"note: the motors are not coloured by torque: {error}")
+        else:
+            loads["efforts"] = dict(zip(leg.actuator_names, efforts.T, strict=True))
+    return loads
 
 
 def _mobility(leg: Leg) -> Any:

@@ -476,7 +476,7 @@ def test_preview_page(tmp_path):
 def test_preview_gets_the_foot_in_the_root_frame(monkeypatch, tmp_path):
     seen = {}
 
-    def write_html(description, times, joint_values, path, *, foot_trace, title):
+    def write_html(description, times, joint_values, path, *, foot_trace, title, efforts):
         seen.update(times=times, values=joint_values, trace=foot_trace)
         path.write_text("page", encoding="utf-8")
 
@@ -500,7 +500,7 @@ def test_live_preview(monkeypatch, more, opened):
         def wait(self):
             seen["waited"] = True
 
-    def show_live(description, times, joint_values, *, foot_trace, open_browser, loop):
+    def show_live(description, times, joint_values, *, foot_trace, open_browser, loop, efforts):
         seen["opened"] = open_browser
         return View()
 
@@ -509,6 +509,30 @@ def test_live_preview(monkeypatch, more, opened):
     assert result.code == 0
     assert result.out.startswith(View.url)
     assert seen == {"opened": opened, "waited": True}
+
+
+def test_preview_shows_the_force_in_the_root_frame_and_the_torques(monkeypatch, tmp_path):
+    seen = {}
+    monkeypatch.setattr("leg_dynamics.preview.write_html", lambda *_, **options: seen.update(options))
+    force = ("--foot-force", "1,-20,20", "--force-window", "0,0.5")
+    assert run("preview", "omnileg", "--html", tmp_path / "page.html", "--duration", "1", *force).code == 0
+    motion = omnileg_eq52(1.0, 60.0).with_foot_force((1.0, -20.0, 20.0), 0.0, 0.5)
+    np.testing.assert_allclose(seen["foot_force"], motion.foot_force * [1.0, -1.0, -1.0], atol=1e-12)
+    assert seen["foot_force"].any(axis=1).tolist() == (motion.time <= 0.5).tolist()
+    leg = leg_dynamics.load("omnileg")
+    torque = leg.torque(motion.q, motion.v, motion.a, foot_force=motion.foot_force)
+    assert tuple(seen["efforts"]) == leg.actuator_names
+    np.testing.assert_allclose(np.stack(list(seen["efforts"].values()), axis=-1), torque, atol=1e-12)
+
+
+def test_preview_refuses_a_force_without_sense(tmp_path):
+    result = run("preview", "omnileg", "--html", tmp_path / "page.html", "--force-window", "0,1")
+    assert (result.code, "--foot-force" in result.err) == (2, True)
+    file = tmp_path / "pendulum.urdf"
+    file.write_text(PENDULUM, encoding="utf-8")
+    result = run("preview", file, "--html", tmp_path / "page.html", "--foot-force", "0,0,1")
+    assert (result.code, "no foot" in result.err) == (2, True)
+    assert not (tmp_path / "page.html").exists()
 
 
 def test_preview_of_a_leg_without_trajectories_is_a_still(monkeypatch, tmp_path):

@@ -260,6 +260,26 @@ class Mechanism:
         state.G = G
         return state
 
+    def state_of(self, q: np.ndarray) -> ClosedState:
+        """The state at tree coordinates q (nv,) that close the loops already.
+
+        Raises
+        ------
+        AssemblyError
+            They do not close the loops.
+        SingularityError
+            The independent joints do not determine the others there.
+        """
+        state = self._state(q, self.evaluate(q))
+        if not state.residual <= RESIDUAL_TOLERANCE:
+            raise AssemblyError(
+                f"these tree coordinates leave a loop residual of {state.residual:.3g}, the tolerance is "
+                f"{RESIDUAL_TOLERANCE:g}: close them first",
+                residual=state.residual,
+                margin=RESIDUAL_TOLERANCE - state.residual,
+            )
+        return self.complete(state)
+
     def _singular(self, state: ClosedState) -> SingularityError:
         sigma = np.linalg.svd(state.dependent_jacobian, compute_uv=False)
         return SingularityError(

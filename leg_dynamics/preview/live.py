@@ -133,8 +133,11 @@ class LiveView:
             socket.setsockopt(zmq.RCVTIMEO, int(1000 * _REPLY_TIMEOUT))
             socket.connect(zmq_url)
             for command, message in zip(scene.commands, scene.packed(), strict=True):
+                # The server tells a new browser everything in the order of its own tree: at the root, the animation
+                # would come before the materials that it colours.
+                path = "animation" if command["type"] == "set_animation" else command["path"]
                 try:
-                    socket.send_multipart([command["type"].encode(), command["path"].encode(), message])
+                    socket.send_multipart([command["type"].encode(), path.encode(), message])
                     reply = socket.recv()
                 except zmq.Again:
                     reply = f"no reply within {_REPLY_TIMEOUT:g} s".encode()
@@ -158,6 +161,10 @@ def show_live(
     joint_values: Mapping[str, ArrayLike],
     *,
     foot_trace: ArrayLike | None = None,
+    foot_force: ArrayLike | None = None,
+    efforts: Mapping[str, ArrayLike] | None = None,
+    actuator_links: Mapping[str, str] | None = None,
+    effort_limits: Mapping[str, float] | None = None,
     fps: float = 30.0,
     open_browser: bool = False,
     loop: bool = False,
@@ -176,12 +183,14 @@ def show_live(
         Coordinate of each tree joint, rad or m; a joint that is left out stays at zero.
     foot_trace : array_like, shape (T, 3), optional
         Foot positions in the root frame, m: drawn as a coloured line.
+    foot_force, efforts, actuator_links, effort_limits
+        Forces to show, as for `leg_dynamics.preview.scene.build_scene`.
     fps : float
         Animation frames a second.
     open_browser : bool
         Whether to open the default browser.
     loop : bool
-        Whether the motion starts again at its end.
+        Whether the motion starts again at its end; a periodic one then ends with its last whole cycle.
 
     Returns
     -------
@@ -190,12 +199,24 @@ def show_live(
 
     Raises
     ------
-    DescriptionError, ShapeError, NonFiniteError, TrajectoryError, ParameterError
+    DescriptionError, ShapeError, NonFiniteError, TrajectoryError, ParameterError, MissingFootError
         As `leg_dynamics.preview.scene.build_scene`.
     PreviewError
         The server does not start or does not answer.
     """
-    view = LiveView(build_scene(description, times, joint_values, foot_trace=foot_trace, fps=fps, loop=loop))
+    scene = build_scene(
+        description,
+        times,
+        joint_values,
+        foot_trace=foot_trace,
+        foot_force=foot_force,
+        efforts=efforts,
+        actuator_links=actuator_links,
+        effort_limits=effort_limits,
+        fps=fps,
+        loop=loop,
+    )
+    view = LiveView(scene)
     if open_browser:
         webbrowser.open(view.url)
     return view

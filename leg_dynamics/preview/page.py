@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from leg_dynamics.description.model import Description
 from leg_dynamics.errors import PreviewError
-from leg_dynamics.preview.scene import Scene, build_scene, load_meshcat
+from leg_dynamics.preview.commands import load_meshcat
+from leg_dynamics.preview.scene import Scene, build_scene
 
 __all__ = ["write_html"]
 
@@ -26,10 +27,15 @@ def write_html(
     path: str | Path,
     *,
     foot_trace: ArrayLike | None = None,
+    foot_force: ArrayLike | None = None,
+    efforts: Mapping[str, ArrayLike] | None = None,
+    actuator_links: Mapping[str, str] | None = None,
+    effort_limits: Mapping[str, float] | None = None,
     title: str | None = None,
     fps: float = 30.0,
+    loop: bool = True,
 ) -> Path:
-    """Write a self-contained page that plays a motion in a loop.
+    """Write a self-contained page that plays a motion.
 
     The page opens from disk in any browser with WebGL and asks the network for nothing. Drag to turn, scroll to zoom,
     space to pause. ``page.html#t=1.5`` opens it as a still at 1.5 s.
@@ -46,10 +52,14 @@ def write_html(
         The file to write; its folder must exist.
     foot_trace : array_like, shape (T, 3), optional
         Foot positions in the root frame, m: drawn as a coloured line.
+    foot_force, efforts, actuator_links, effort_limits
+        Forces to show, as for `leg_dynamics.preview.scene.build_scene`; a legend gives their scales and values.
     title : str, optional
         Heading; the mechanism's name by default.
     fps : float
         Animation frames a second.
+    loop : bool
+        Whether the motion starts again at its end; a periodic one then ends with its last whole cycle.
 
     Returns
     -------
@@ -58,12 +68,23 @@ def write_html(
 
     Raises
     ------
-    DescriptionError, ShapeError, NonFiniteError, TrajectoryError, ParameterError
+    DescriptionError, ShapeError, NonFiniteError, TrajectoryError, ParameterError, MissingFootError
         As `leg_dynamics.preview.scene.build_scene`.
     PreviewError
         The file cannot be written, or the installed meshcat lacks its viewer.
     """
-    scene = build_scene(description, times, joint_values, foot_trace=foot_trace, fps=fps)
+    scene = build_scene(
+        description,
+        times,
+        joint_values,
+        foot_trace=foot_trace,
+        foot_force=foot_force,
+        efforts=efforts,
+        actuator_links=actuator_links,
+        effort_limits=effort_limits,
+        fps=fps,
+        loop=loop,
+    )
     page = _page(scene, description.name, description.name if title is None else title)
     path = Path(path)
     try:
@@ -86,15 +107,21 @@ def _page(scene: Scene, name: str, title: str) -> str:
     if scene.duration > 0.0:
         facts.append(f"{scene.duration:.4g} s")
     facts.append(f"grid {1000.0 * scene.cell:.4g} mm")
+    if scene.cyclic:
+        facts.append("loops in whole cycles")
     parts = {
         "title": html.escape(title),
         "facts": html.escape(" \N{MIDDLE DOT} ".join(facts)),
         "scene": json.dumps(data),
+        "legend": _inline(_asset("legend.js")),
         "viewer": _inline(_viewer_file("main.min.js")),
         "licences": _inline(_licences()),
     }
-    template = resources.files("leg_dynamics.preview").joinpath("page.html").read_text(encoding="utf-8")
-    return re.sub(r"@(title|facts|scene|viewer|licences)@", lambda match: parts[match[1]], template)
+    return re.sub(r"@(title|facts|scene|legend|viewer|licences)@", lambda match: parts[match[1]], _asset("page.html"))
+
+
+def _asset(name: str) -> str:
+    return resources.files("leg_dynamics.preview").joinpath(name).read_text(encoding="utf-8")
 
 
 def _inline(text: str) -> str:

@@ -7,28 +7,45 @@ share one camera, one set of lights and one shadow map, and the mouse turns the 
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 import uuid
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from types import ModuleType
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leg_dynamics.description.model import Description, Visual
-from leg_dynamics.errors import LegDynamicsWarning, NonFiniteError, ParameterError, ShapeError, TrajectoryError
+from leg_dynamics.errors import (
+    LegDynamicsWarning,
+    MissingFootError,
+    NonFiniteError,
+    ParameterError,
+    ShapeError,
+    TrajectoryError,
+)
+from leg_dynamics.preview.arrow import ARROW_COLOUR, Arrow
+from leg_dynamics.preview.colours import diverging, hexadecimal
+from leg_dynamics.preview.commands import (
+    Y_TO_Z,
+    Colour,
+    clip,
+    load_meshcat,
+    set_object,
+    set_property,
+    set_transform,
+    viewer_path,
+)
+from leg_dynamics.preview.cycle import whole_cycles
+from leg_dynamics.preview.motors import Motor, check_motors, effort_ranges, legend_group
 
 __all__ = ["MAXIMUM_FRAMES", "Scene", "build_scene", "check_motion", "load_meshcat"]
 
 MAXIMUM_FRAMES = 1200
 """Above this many animation frames the frame rate is lowered, with a warning, to keep pages a few megabytes small."""
-
-Colour = tuple[float, float, float, float]
 
 _PALETTE: tuple[Colour, ...] = (
     (0.36, 0.47, 0.60, 1.0),
@@ -41,6 +58,8 @@ _PALETTE: tuple[Colour, ...] = (
 _BONE: Colour = (0.62, 0.66, 0.71, 1.0)
 _JOINT: Colour = (0.87, 0.45, 0.13, 1.0)
 _TRACE: Colour = (0.86, 0.10, 0.34, 1.0)
+_PALE = (0.66, 0.92)
+"""Greys of what was black and what was white, where only the motors are in colour."""
 _GROUND: Colour = (0.80, 0.82, 0.84, 1.0)
 _GRID: Colour = (0.60, 0.63, 0.67, 1.0)
 
@@ -68,6 +87,11 @@ class Scene:
         Corners of the box about everything that is drawn, over the whole motion, in the root frame, shape (3,), m.
     cell : float
         Side of a cell of the ground grid, m.
+    cyclic : bool
+        Whether the animation repeats a motion that ends as it starts, so that nothing jumps.
+    legend : mapping
+        What the page's legend says about forces and efforts; empty where none is shown. It also travels in the
+        commands, as the `userData` of ``/leg``.
     """
 
     commands: tuple[Mapping[str, Any], ...]
@@ -77,6 +101,8 @@ class Scene:
     lower: np.ndarray
     upper: np.ndarray
     cell: float
+    cyclic: bool = False
+    legend: Mapping[str, Any] = field(default_factory=dict)
 
     def packed(self) -> tuple[bytes, ...]:
         """Each command as the message that a meshcat viewer decodes."""
@@ -90,6 +116,24 @@ class _Motion:
     times: np.ndarray
     joint_values: dict[str, np.ndarray]
     foot_trace: np.ndarray | None
+    foot_force: np.ndarray | None = None
+    motors: tuple[Motor, ...] = ()
+
+    def at(self, times: np.ndarray) -> _Motion:
+        """The motion interpolated linearly at other times."""
+
+        def columns(values: np.ndarray | None) -> np.ndarray | None:
+            if values is None:
+                return None
+            return np.stack([np.interp(times, self.times, values[:, axis]) for axis in range(3)], axis=-1)
+
+        return _Motion(
+            times,
+            {name: np.interp(times, self.times, q) for name, q in self.joint_values.items()},
+            columns(self.foot_trace),
+            columns(self.foot_force),
+            tuple(motor.at(times, self.times) for motor in self.motors),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,15 +217,24 @@ def check_motion(
                 f"give shape ({samples},)"
             )
         _require_finite(f"joint_values[{name!r}]", checked_values[name])
-    checked_trace = None
-    if foot_trace is not None:
-        checked_trace = _numbers("foot_trace", foot_trace)
-        if checked_trace.shape != (samples, 3):
-            raise ShapeError(
-                f"foot_trace has shape {checked_trace.shape}, but there are {samples} times; give shape ({samples}, 3)"
-            )
-        _require_finite("foot_trace", checked_trace)
-    return checked_times, checked_values, checked_trace
+    return checked_times, checked_values, _vectors("foot_trace", foot_trace, samples)
+
+
+def _vectors(name: str, values: ArrayLike | None, samples: int) -> np.ndarray | None:
+    if values is None:
+        return None
+    checked = _numbers(name, values)
+    if checked.shape != (samples, 3):
+        raise ShapeError(f"{name} has shape {checked.shape}, but there are {samples} times; give shape ({samples}, 3)")
+    _require_finite(name, checked)
+    return checked
+
+
+def _check_force(foot_force: ArrayLike | None, foot_trace: np.ndarray | None, samples: int) -> np.ndarray | None:
+    checked = _vectors("foot_force", foot_force, samples)
+    if checked is not None and foot_trace is None:
+        raise MissingFootError("foot_force is drawn at the foot, but foot_trace does not say where that is; give both")
+    return checked
 
 
 def build_scene(
@@ -190,6 +243,10 @@ def build_scene(
     joint_values: Mapping[str, ArrayLike],
     *,
     foot_trace: ArrayLike | None = None,
+    foot_force: ArrayLike | None = None,
+    efforts: Mapping[str, ArrayLike] | None = None,
+    actuator_links: Mapping[str, str] | None = None,
+    effort_limits: Mapping[str, float] | None = None,
     fps: float = 30.0,
     loop: bool = True,
 ) -> Scene:
@@ -197,7 +254,8 @@ def build_scene(
 
     Joint coordinates are interpolated linearly onto the animation frames. Shapes are the file's boxes, cylinders and
     spheres in their colours. A link whose shape is a mesh file shows its piece of the joint skeleton instead, with a
-    warning; a file without any drawable shape shows its whole skeleton.
+    warning; a file without any drawable shape shows its whole skeleton. Where efforts are given, the motors alone are
+    in colour, over time: blue for negative, nearly white for zero, orange for positive.
 
     Parameters
     ----------
@@ -209,10 +267,21 @@ def build_scene(
         Coordinate of each tree joint, rad or m; a joint that is left out stays at zero.
     foot_trace : array_like, shape (T, 3), optional
         Foot positions in the root frame, m: drawn as a coloured line.
+    foot_force : array_like, shape (T, 3), optional
+        Force that the environment applies to the foot, N, in the root frame (`in_root_frame` turns it there): an
+        arrow that starts at the foot, of which `foot_trace` says where it is.
+    efforts : mapping of str to array_like, shape (T,), optional
+        Effort of each actuator, N·m or N, by its name in the file's transmissions (else the joint's name).
+    actuator_links : mapping of str to str, optional
+        Link to colour, or joint whose child link to colour, for an actuator where it is neither the link
+        ``motor_<actuator>`` nor, without such a link, the child link of the actuated joint.
+    effort_limits : mapping of str to float, optional
+        Largest effort of an actuator, N·m or N; the limit of its joint where not given.
     fps : float
         Animation frames a second.
     loop : bool
-        Whether the animation starts again at its end.
+        Whether the animation starts again at its end. A periodic motion is then shown up to the end of its last
+        whole cycle, so that nothing jumps.
 
     Returns
     -------
@@ -221,50 +290,111 @@ def build_scene(
     Raises
     ------
     DescriptionError, ShapeError, NonFiniteError, TrajectoryError
-        As `check_motion`.
+        As `check_motion` and `leg_dynamics.preview.motors.check_motors`.
+    MissingFootError
+        There is a `foot_force` and no `foot_trace`.
     ParameterError
-        `fps` is not a positive number.
+        `fps` is not a positive number; or as `leg_dynamics.preview.motors.check_motors`.
 
     Warns
     -----
     LegDynamicsWarning
-        Mesh files are not drawn; or the frame rate was lowered to keep within `MAXIMUM_FRAMES`.
+        Mesh files are not drawn; the frame rate was lowered to keep within `MAXIMUM_FRAMES`; the last part of a
+        cycle was left out; or a motor has no shape to colour.
     """
     from leg_dynamics.description import link_transforms
 
-    motion = _at_frames(_Motion(*check_motion(description, times, joint_values, foot_trace)), fps)
+    motion = _Motion(*check_motion(description, times, joint_values, foot_trace))
+    motion = replace(
+        motion,
+        foot_force=_check_force(foot_force, motion.foot_trace, motion.times.size),
+        motors=check_motors(description, motion.times.size, efforts or {}, actuator_links, effort_limits),
+    )
+    last = whole_cycles(motion.times, motion.joint_values)
+    motion = _at_frames(motion, fps, last if loop else None)
     frames = motion.times.size
     transforms = {
         link: np.broadcast_to(np.asarray(transform, dtype=float), (frames, 4, 4))
         for link, transform in link_transforms(description, motion.joint_values).items()
     }
     shapes = _shapes(description, motion.joint_values, transforms)
+    ranges = effort_ranges(motion.motors)
+    _paint(shapes, motion.motors, ranges)
     points = [shape.bounds(transforms[link]) for link, drawn in shapes.items() for shape in drawn]
     if motion.foot_trace is not None:
         points.append(motion.foot_trace)
-    every_point = np.concatenate(points)
-    lower, upper = every_point.min(axis=0), every_point.max(axis=0)
-    radius = float(np.linalg.norm(upper - lower)) / 2.0 or 0.1
+    lower, upper, radius = _box(points)
     cell = _round_length(2.0 * _GROUND_RADIUS * radius / _CELLS_ACROSS)
+    arrow = None
+    if motion.foot_trace is not None and motion.foot_force is not None:
+        arrow = Arrow.of(motion.foot_trace, motion.foot_force, cell, radius)
+        lower, upper, radius = _box([*points, arrow.tips])
 
     start, duration = float(motion.times[0]), float(motion.times[-1] - motion.times[0])
     rate = (frames - 1) / duration if frames > 1 else fps
+    legend = _legend(motion.motors, ranges, arrow, rate)
+    clips = _link_clips(shapes, transforms, rate) | _colour_clips(shapes, motion.motors, ranges, rate)
+    if arrow is not None:
+        clips |= arrow.clips(rate)
     commands = itertools.chain(
         _surroundings(lower, upper, radius, cell),
         _links(shapes, transforms),
         _trace(motion.foot_trace, radius),
-        _animation(shapes, transforms, rate, loop),
+        () if arrow is None else arrow.commands(),
+        [set_property("/leg", "userData", {"legend": legend})] if legend else (),
+        _animation(clips, loop),
     )
-    return Scene(tuple(commands), start, duration, frames, lower, upper, cell)
+    return Scene(tuple(commands), start, duration, frames, lower, upper, cell, loop and last is not None, legend)
 
 
-@functools.cache
-def load_meshcat() -> ModuleType:
-    """The meshcat package, without the deprecation warning that its import of pyzmq raises."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        import meshcat
-    return meshcat
+def _box(points: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, float]:
+    """Corners of the box about all points, and half its diagonal."""
+    every_point = np.concatenate(points)
+    lower, upper = every_point.min(axis=0), every_point.max(axis=0)
+    return lower, upper, float(np.linalg.norm(upper - lower)) / 2.0 or 0.1
+
+
+def _paint(shapes: dict[str, list[_Shape]], motors: tuple[Motor, ...], ranges: Mapping[str, float]) -> None:
+    """Give the motors the colours of their first efforts, and take the other links' colours away."""
+    if not motors:
+        return
+    colours = {motor.link: diverging(motor.efforts[0] / ranges[motor.unit]) for motor in motors}
+    for link, drawn in shapes.items():
+        if link in colours:
+            shapes[link] = [replace(shape, rgba=(*colours[link], shape.rgba[3])) for shape in drawn]
+        else:
+            shapes[link] = [replace(shape, rgba=_pale(shape.rgba)) for shape in drawn]
+    bare = [motor.actuator for motor in motors if not shapes[motor.link]]
+    if bare:
+        warnings.warn(
+            f"nothing is drawn on the links of {_abridged(bare)}, so that only the legend shows these efforts; name "
+            "other links in actuator_links",
+            LegDynamicsWarning,
+            stacklevel=4,
+        )
+
+
+def _pale(rgba: Colour) -> Colour:
+    """A light grey that keeps something of a colour's brightness."""
+    brightness = 0.30 * rgba[0] + 0.59 * rgba[1] + 0.11 * rgba[2]
+    grey = _PALE[0] + (_PALE[1] - _PALE[0]) * brightness
+    return (grey, grey, grey * 1.02, rgba[3])
+
+
+def _legend(motors: tuple[Motor, ...], ranges: Mapping[str, float], arrow: Arrow | None, rate: float) -> dict[str, Any]:
+    legend: dict[str, Any] = {}
+    if motors:
+        legend["efforts"] = [
+            legend_group(unit, end, tuple(motor for motor in motors if motor.unit == unit))
+            for unit, end in ranges.items()
+        ]
+    if arrow is not None:
+        legend["force"] = {
+            "colour": hexadecimal(ARROW_COLOUR[:3]),
+            "values": arrow.magnitudes.tolist(),
+            "scale": f"one grid square ({1000.0 * arrow.cell:.4g} mm) is {arrow.newtons_per_cell:g} N",
+        }
+    return legend | {"rate": rate} if legend else {}
 
 
 def _numbers(name: str, values: ArrayLike) -> np.ndarray:
@@ -285,13 +415,22 @@ def _require_finite(name: str, values: np.ndarray) -> None:
         )
 
 
-def _at_frames(motion: _Motion, fps: float) -> _Motion:
+def _at_frames(motion: _Motion, fps: float, last: int | None) -> _Motion:
+    """The motion at the animation's frames, up to the sample `last` where one is given."""
     if not (math.isfinite(fps) and fps > 0.0):
         raise ParameterError(f"fps is {fps!r}, but must be a positive number of frames a second; 30 is usual")
     times = motion.times
     if times.size == 1:
         return motion
-    duration = float(times[-1] - times[0])
+    end = times[-1 if last is None else last]
+    if end < times[-1]:
+        warnings.warn(
+            f"the motion repeats itself and stops {times[-1] - end:.4g} s into a cycle; the loop shows the whole "
+            f"cycles, {end - times[0]:.4g} s, and leaves the rest out (loop=False shows all)",
+            LegDynamicsWarning,
+            stacklevel=4,
+        )
+    duration = float(end - times[0])
     frames = max(2, round(duration * fps) + 1)
     if frames > MAXIMUM_FRAMES:
         warnings.warn(
@@ -301,11 +440,7 @@ def _at_frames(motion: _Motion, fps: float) -> _Motion:
             stacklevel=4,
         )
         frames = MAXIMUM_FRAMES
-    at = np.linspace(times[0], times[-1], frames)
-    trace = motion.foot_trace
-    if trace is not None:
-        trace = np.stack([np.interp(at, times, trace[:, axis]) for axis in range(3)], axis=-1)
-    return _Motion(at, {name: np.interp(at, times, q) for name, q in motion.joint_values.items()}, trace)
+    return motion.at(np.linspace(times[0], end, frames))
 
 
 def _shapes(
@@ -383,49 +518,19 @@ def _round_length(length: float) -> float:
     return next(step * decade for step in (5.0, 2.0, 1.0) if step * decade <= length * (1.0 + 1e-9))
 
 
-def _set_object(path: str, geometry: Any, rgba: Colour, line: bool = False) -> dict[str, Any]:
-    meshcat = load_meshcat()
-    red, green, blue, opacity = (min(max(channel, 0.0), 1.0) for channel in rgba)
-    colour = (round(255 * red) << 16) + (round(255 * green) << 8) + round(255 * blue)
-    shown, painted = (
-        (meshcat.geometry.LineSegments, meshcat.geometry.LineBasicMaterial)
-        if line
-        else (meshcat.geometry.Mesh, meshcat.geometry.MeshPhongMaterial)
-    )
-    material = painted(color=colour, opacity=opacity)
-    drawn = shown(geometry, material)
-    # meshcat draws its identifiers from the clock and the network card: two equal scenes would differ.
-    for kind, element in (("geometry", geometry), ("material", material), ("object", drawn)):
-        element.uuid = str(uuid.uuid5(uuid.NAMESPACE_URL, f"{kind}:{path}"))
-    return meshcat.commands.SetObject(drawn, path=_path(path)).lower()
-
-
-def _path(path: str) -> Any:
-    return load_meshcat().path.Path(tuple(path.strip("/").split("/")))
-
-
-def _set_transform(path: str, matrix: np.ndarray) -> dict[str, Any]:
-    return load_meshcat().commands.SetTransform(matrix, _path(path)).lower()
-
-
-def _set_property(path: str, name: str, value: Any) -> dict[str, Any]:
-    # meshcat's SetProperty spells property names in lower case, which castShadow is not.
-    return {"type": "set_property", "path": path, "property": name, "value": value}
-
-
 def _surroundings(lower: np.ndarray, upper: np.ndarray, radius: float, cell: float) -> Iterator[dict[str, Any]]:
     """Background, lights, camera and ground."""
     meshcat = load_meshcat()
-    yield _set_property("/Background", "top_color", [0.97, 0.98, 0.99])
-    yield _set_property("/Background", "bottom_color", [0.78, 0.82, 0.87])
+    yield set_property("/Background", "top_color", [0.97, 0.98, 0.99])
+    yield set_property("/Background", "bottom_color", [0.78, 0.82, 0.87])
     for name in ("/Grid", "/Axes"):
-        yield _set_property(name, "visible", False)
-    yield _set_property("/Lights/AmbientLight/<object>", "intensity", 0.50)
-    yield _set_property("/Lights/FillLight/<object>", "intensity", 0.18)
-    yield _set_property("/Lights/PointLightNegativeX/<object>", "intensity", 0.12)
-    yield _set_property("/Lights/PointLightPositiveX/<object>", "intensity", 0.20)
+        yield set_property(name, "visible", False)
+    yield set_property("/Lights/AmbientLight/<object>", "intensity", 0.50)
+    yield set_property("/Lights/FillLight/<object>", "intensity", 0.18)
+    yield set_property("/Lights/PointLightNegativeX/<object>", "intensity", 0.12)
+    yield set_property("/Lights/PointLightPositiveX/<object>", "intensity", 0.20)
     spot = "/Lights/SpotLight/<object>"
-    yield _set_property("/Lights/SpotLight", "visible", True)
+    yield set_property("/Lights/SpotLight", "visible", True)
     for name, value in {
         "position": [1.6, -2.4, 4.2],
         "intensity": 0.50,
@@ -433,26 +538,26 @@ def _surroundings(lower: np.ndarray, upper: np.ndarray, radius: float, cell: flo
         "penumbra": 0.9,
         "castShadow": True,
     }.items():
-        yield _set_property(spot, name, value)
+        yield set_property(spot, name, value)
 
     scaled = np.diag([1.0 / radius] * 3 + [1.0])
     scaled[:3, 3] = -(lower + upper) / (2.0 * radius)
-    yield _set_transform("/leg", scaled)
+    yield set_transform("/leg", scaled)
 
     camera = "/Cameras/default/rotated"
     lens = meshcat.geometry.PerspectiveCamera(fov=math.degrees(_FIELD_OF_VIEW), near=0.05, far=100.0)
     lens.uuid = str(uuid.uuid5(uuid.NAMESPACE_URL, "camera"))
-    yield meshcat.commands.SetObject(lens, path=_path(camera)).lower()
+    yield meshcat.commands.SetObject(lens, path=viewer_path(camera)).lower()
     x, y, z = _eye((upper - lower) / (2.0 * radius))
-    yield _set_property(f"{camera}/<object>", "position", [x, z, -y])
+    yield set_property(f"{camera}/<object>", "position", [x, z, -y])
 
     floor = np.array([*(lower + upper)[:2] / 2.0, lower[2]])
     thickness, spread = 0.02 * radius, _GROUND_RADIUS * radius
     below = np.eye(4)
     # A hair below the lowest point, so that a foot plate that rests on it does not flicker.
     below[:3, 3] = floor - [0.0, 0.0, 0.004 * radius + thickness / 2.0]
-    yield _set_object("/leg/ground/plate", meshcat.geometry.Cylinder(thickness, spread), _GROUND)
-    yield _set_transform("/leg/ground/plate", below @ _Y_TO_Z)
+    yield set_object("/leg/ground/plate", meshcat.geometry.Cylinder(thickness, spread), _GROUND)
+    yield set_transform("/leg/ground/plate", below @ Y_TO_Z)
     segments = []
     count = int(spread / cell)
     for offset in cell * np.arange(-count, count + 1):
@@ -461,8 +566,8 @@ def _surroundings(lower: np.ndarray, upper: np.ndarray, radius: float, cell: flo
     on_top = np.eye(4)
     on_top[:3, 3] = floor - [0.0, 0.0, 0.002 * radius]
     lines = meshcat.geometry.PointsGeometry(np.array(segments, dtype=np.float32).T)
-    yield _set_object("/leg/ground/grid", lines, _GRID, line=True)
-    yield _set_transform("/leg/ground/grid", on_top)
+    yield set_object("/leg/ground/grid", lines, _GRID, line=True)
+    yield set_transform("/leg/ground/grid", on_top)
 
     # The root frame's axes stand at the left edge of the ground, where they hide nothing.
     corner = on_top[:3, 3] - 0.8 * spread * _screen_axes()[0]
@@ -472,8 +577,8 @@ def _surroundings(lower: np.ndarray, upper: np.ndarray, radius: float, cell: flo
         middle = np.eye(4)
         middle[:3, 3] = corner + 0.125 * radius * np.eye(3)[axis]
         arrow = meshcat.geometry.Box(sides.tolist())
-        yield _set_object(f"/leg/root frame/{name}", arrow, (*np.eye(3)[axis] * 0.85, 1.0))
-        yield _set_transform(f"/leg/root frame/{name}", middle)
+        yield set_object(f"/leg/root frame/{name}", arrow, (*np.eye(3)[axis] * 0.85, 1.0))
+        yield set_transform(f"/leg/root frame/{name}", middle)
 
 
 def _screen_axes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -492,10 +597,6 @@ def _eye(half: np.ndarray) -> np.ndarray:
     return towards * np.max(corners @ towards + across / (_FILLED * math.tan(_FIELD_OF_VIEW / 2.0)))
 
 
-# three.js cylinders stand along y, URDF's along z.
-_Y_TO_Z = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-
-
 def _node(link: str) -> str:
     """Viewer path of a link; a slash in its name would open another level."""
     return "/leg/links/" + link.replace("/", "\N{DIVISION SLASH}")
@@ -511,13 +612,13 @@ def _links(shapes: Mapping[str, Iterable[_Shape]], transforms: Mapping[str, np.n
                 geometry = primitives.Box(list(shape.size))
             elif shape.kind == "cylinder":
                 geometry = primitives.Cylinder(height=shape.size[1], radius=shape.size[0])
-                pose = pose @ _Y_TO_Z
+                pose = pose @ Y_TO_Z
             else:
                 geometry = primitives.Sphere(shape.size[0])
-            yield _set_object(path, geometry, shape.rgba)
-            yield _set_transform(path, pose)
+            yield set_object(path, geometry, shape.rgba)
+            yield set_transform(path, pose)
         if drawn:
-            yield _set_transform(_node(link), transforms[link][0])
+            yield set_transform(_node(link), transforms[link][0])
 
 
 def _trace(positions: np.ndarray | None, radius: float) -> Iterator[dict[str, Any]]:
@@ -527,7 +628,7 @@ def _trace(positions: np.ndarray | None, radius: float) -> Iterator[dict[str, An
     path = positions[np.concatenate([[True], steps > 1e-4 * radius])]
     if len(path) > 1:
         tube = load_meshcat().geometry.TriangularMeshGeometry(*_tube(path, 0.006 * radius))
-        yield _set_object("/leg/foot trace", tube, _TRACE)
+        yield set_object("/leg/foot trace", tube, _TRACE)
 
 
 def _tube(path: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -559,25 +660,41 @@ def _tube(path: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(rings), faces
 
 
-def _animation(
-    shapes: Mapping[str, Iterable[_Shape]], transforms: Mapping[str, np.ndarray], rate: float, loop: bool
-) -> Iterator[dict[str, Any]]:
-    """Keyframes of the links that move; nothing where none does."""
+def _link_clips(
+    shapes: Mapping[str, Iterable[_Shape]], transforms: Mapping[str, np.ndarray], rate: float
+) -> dict[str, Any]:
+    """Keyframes of the links that move, by viewer path."""
     from scipy.spatial.transform import Rotation
 
-    meshcat = load_meshcat()
     clips = {}
     for link, transform in transforms.items():
         if not shapes[link] or np.allclose(transform, transform[0], rtol=0.0, atol=1e-12):
             continue
-        frames = list(range(len(transform)))
-        tracks = {
-            "position": meshcat.animation.AnimationTrack("position", "vector3", frames, transform[:, :3, 3].tolist()),
-            "quaternion": meshcat.animation.AnimationTrack(
-                "quaternion", "quaternion", frames, Rotation.from_matrix(transform[:, :3, :3]).as_quat().tolist()
-            ),
-        }
-        clips[_path(_node(link))] = meshcat.animation.AnimationClip(tracks, fps=rate)
+        quaternions = Rotation.from_matrix(transform[:, :3, :3]).as_quat()
+        clips[_node(link)] = clip(
+            rate,
+            position=("vector3", transform[:, :3, 3].tolist()),
+            quaternion=("quaternion", quaternions.tolist()),
+        )
+    return clips
+
+
+def _colour_clips(
+    shapes: Mapping[str, list[_Shape]], motors: tuple[Motor, ...], ranges: Mapping[str, float], rate: float
+) -> dict[str, Any]:
+    """Keyframes of the motors whose effort changes, by viewer path; a colour belongs to a shape's own material."""
+    clips: dict[str, Any] = {}
+    for motor in motors:
+        colours = diverging(motor.efforts / ranges[motor.unit])
+        if np.ptp(colours, axis=0).max() > 0.0:
+            keys = clip(rate, material__color=("color", colours.tolist()))
+            clips |= {f"{_node(motor.link)}/{index}/<object>": keys for index in range(len(shapes[motor.link]))}
+    return clips
+
+
+def _animation(clips: Mapping[str, Any], loop: bool) -> Iterator[dict[str, Any]]:
+    """The animation; nothing where nothing changes."""
     if clips:
-        animation = meshcat.animation.Animation(clips)
+        meshcat = load_meshcat()
+        animation = meshcat.animation.Animation({viewer_path(path): keys for path, keys in clips.items()})
         yield meshcat.commands.SetAnimation(animation, repetitions=math.inf if loop else 1).lower()

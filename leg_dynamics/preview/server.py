@@ -9,11 +9,23 @@ from __future__ import annotations
 import functools
 import sys
 import threading
+from importlib import resources
 
 import tornado.web
 from meshcat.servers.zmqserver import ZMQWebSocketBridge
 
 __all__ = ["LoopbackBridge", "main"]
+
+
+class ViewerPage(tornado.web.RequestHandler):
+    """meshcat's viewer page with our legend."""
+
+    def get(self) -> None:
+        """Send the page."""
+        folder = resources.files("leg_dynamics.preview")
+        page, legend = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("live.html", "legend.js"))
+        self.set_header("Cache-Control", "no-store")
+        self.finish(page.replace("@legend@", legend))
 
 
 class LoopbackBridge(ZMQWebSocketBridge):
@@ -22,6 +34,7 @@ class LoopbackBridge(ZMQWebSocketBridge):
     def make_app(self) -> tornado.web.Application:
         """The web application, bound to the same host as the command socket."""
         application = super().make_app()
+        application.add_handlers(r".*", [(r"/static/(?:index\.html)?", ViewerPage)])
         application.listen = functools.partial(application.listen, address=self.host)
         return application
 

@@ -558,3 +558,15 @@ def test_completing_a_singular_pose_says_which_pose_and_how_singular(lab):
         SingularityError, match=r"singular at crank = 0: smallest singular value .*choose other independent"
     ):
         mechanism.complete(mechanism._state(flat, mechanism.evaluate(flat)))
+
+
+def test_a_state_of_closed_coordinates_is_the_closed_state_and_open_ones_are_refused(lab):
+    mechanism, y = build(lab, "four_bar")
+    closed = mechanism.close(y)
+    given = mechanism.state_of(closed.q.copy())
+    np.testing.assert_allclose(given.G, closed.G, atol=1e-12)
+    open_pose = closed.q.copy()
+    open_pose[mechanism.dependent[0]] += 1e-3
+    with pytest.raises(AssemblyError, match="close them first") as caught:
+        mechanism.state_of(open_pose)
+    assert caught.value.residual > 1e-5
