@@ -50,6 +50,8 @@ class Recipe:
         What the description was read from, as `leg_dynamics.description.read` takes it; None for a bare text.
     overrides : tuple of (str, float)
         The parameter values it was read with.
+    transmission : str
+        Model of the transmission, one that the formulas offer; every other route knows ``exact`` only.
     """
 
     description: Description
@@ -58,6 +60,7 @@ class Recipe:
     foot: str | None
     source: str | None = None
     overrides: tuple[tuple[str, float], ...] = ()
+    transmission: str = "exact"
 
     def backend(self) -> Route:
         """The route object."""
@@ -74,7 +77,13 @@ class Recipe:
                     f"the formulas of {self.formulas!r} know one foot, the link 'foot', not {self.foot!r}: use "
                     "route='pinocchio'"
                 )
-            return ClosedFormRoute(self.formulas, self.description)
+            options = {} if self.transmission == "exact" else {"transmission": self.transmission}
+            return ClosedFormRoute(self.formulas, self.description, **options)
+        if self.transmission != "exact":
+            raise RouteError(
+                f"transmission {self.transmission!r} is a model of the closed form only, and route {self.route!r} "
+                "computes the mechanism as it is: leave transmission out, or use route='closed_form'"
+            )
         from leg_dynamics.mechanism.route import PinocchioRoute
 
         hip = "hip" if self.description.has_link("hip") else None
@@ -110,6 +119,7 @@ def load(
     urdf: str | os.PathLike[str] | None = None,
     foot: str | None = None,
     parameters: Mapping[str, float] | None = None,
+    transmission: str = "exact",
 ) -> Leg:
     """Load a leg.
 
@@ -126,6 +136,9 @@ def load(
     parameters : mapping of str to float, optional
         Parameter overrides of an xacro source. Rendering xacro evaluates Python from the file: only render
         sources that you trust. Plain .urdf files are data.
+    transmission : str
+        Model of the drive train where the leg's formulas offer several: ``exact``, ``paper`` (as published) or ``none``
+        (its rotary inertia left out) for the OmniLeg.
 
     Returns
     -------
@@ -138,7 +151,7 @@ def load(
     DescriptionError
         The file is not a valid mechanism; says where.
     RouteError
-        The route does not exist for this leg.
+        The route, or the transmission model by this route, does not exist for this leg.
     FormulaAssumptionError
         The file breaks an assumption of the leg's formulas.
     MissingFootError
@@ -161,7 +174,8 @@ def load(
     formulas = named if named is not None and has_closed_form(named) else None
     if route is None:
         route = "closed_form" if formulas is not None else "pinocchio"
-    return Recipe(description, route, formulas, _foot(description, foot), origin, tuple(overrides.items())).build()
+    given = tuple(overrides.items())
+    return Recipe(description, route, formulas, _foot(description, foot), origin, given, transmission).build()
 
 
 def _source(source: Any) -> str:
@@ -194,6 +208,8 @@ def routes_of(leg: Leg) -> tuple[str, ...]:
     """Names of the routes that this leg's file and foot can be loaded with."""
     recipe = leg.recipe
     formulas = recipe.formulas is not None and recipe.foot == "foot"
+    if recipe.transmission != "exact":
+        return (leg.route,)
     return tuple(route for route in ROUTES if route != "closed_form" or formulas)
 
 

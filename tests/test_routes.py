@@ -295,3 +295,18 @@ def test_with_text_keeps_route_and_formulas(leg):
         other.replace(L1=0.2)
     with pytest.raises(DescriptionError):
         with_text(leg, "<robot/>")
+
+
+def test_the_transmission_model_is_chosen_at_loading_and_survives_replace_and_pickle():
+    q, v, a = np.radians([20.0, -15.0, 30.0]), np.array([3.0, -2.0, 4.0]), np.array([10.0, 20.0, -30.0])
+    exact, paper = ld.load("omnileg"), ld.load("omnileg", transmission="paper")
+    difference = np.abs(exact.torque(q, v, a) - paper.torque(q, v, a)).max()
+    assert 1e-9 < difference < 0.05
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(paper)).torque(q, v, a), paper.torque(q, v, a))
+    np.testing.assert_allclose(paper.replace(L1=0.15).torque(q, v, a), paper.torque(q, v, a), atol=1e-14)
+
+
+@pytest.mark.parametrize("options", [{"transmission": "belt"}, {"transmission": "paper", "route": "pinocchio"}])
+def test_a_transmission_model_that_does_not_exist_here_is_refused(options):
+    with pytest.raises(RouteError):
+        ld.load("omnileg", **options)

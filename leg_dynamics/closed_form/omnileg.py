@@ -12,13 +12,14 @@ because 1 + tan^2(alpha) + tan^2(beta) = D / (cos^2(alpha) cos^2(beta)). Both fo
 beyond, the one with D follows the mechanism continuously, the one with tangents jumps.
 
 Every formula takes Python floats, NumPy arrays or CasADi symbols as components (see `algebra`) and never looks at a
-value. Domain margins are returned as values. Branch numbers and branch names are plain Python and choose the formula.
+value. Domain margins are returned as values. Branch numbers, branch names and the transmission model are plain Python
+and choose the formula.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -58,6 +59,7 @@ from leg_dynamics.closed_form.algebra import (
     where,
     where_domain,
 )
+from leg_dynamics.errors import RouteError
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description
@@ -67,7 +69,9 @@ __all__ = [
     "BODY_NAMES",
     "BRANCHES",
     "JOINT_NAMES",
+    "OPTIONS",
     "SINGULARITY_LIMIT",
+    "TRANSMISSIONS",
     "TREE_JOINT_NAMES",
     "Angle",
     "Body",
@@ -119,6 +123,7 @@ __all__ = [
     "product_of_exponentials",
     "shank_motions",
     "singularity_margins",
+    "transmission_angular_velocities",
     "transmission_motions",
     "tree_coefficients",
     "tree_coordinates",
@@ -128,6 +133,11 @@ __all__ = [
 JOINT_NAMES = ("alpha", "beta", "gamma")
 BRANCHES = ("gamma_positive", "gamma_negative")
 """Names of the inverse kinematic solutions, the default first; both have the thigh pointing down."""
+
+TRANSMISSIONS = ("exact", "paper", "none")
+"""Models of the Cardan shaft A4B4 and its crosses in the dynamics, see `OmniLeg.transmission`."""
+OPTIONS: Mapping[str, tuple[str, ...]] = MappingProxyType({"transmission": TRANSMISSIONS})
+"""What `from_urdf` can be asked for, the default first."""
 
 ARCCOS_TOLERANCE = 1e-12
 """Excess over 1 of the arccos argument of (13) that counts as rounding: 1.9e-13 m of leg length at L4 = 95 mm.
@@ -232,6 +242,20 @@ class OmniLeg:
     """Inertia of the rotors M2, M1, M3 felt at their joints: motor-side inertia times reduction squared, kg·m²."""
     dissipation: tuple[Dissipation, ...] = ()
     """The tree joints that have damping or friction; all others are left out."""
+    transmission: str = "exact"
+    """How the Cardan shaft A4B4 and the crosses A4, B4 enter the dynamics; kinematics and closure are always exact.
+
+    ``exact``: with their true motion, coupled to alpha, beta and gamma by the U joints.
+    ``paper``: (26)-(31); they move as rod A1B1 and crosses A1, B1 do, and gamma' about the fixed Z0 is added to their
+    angular velocity. Lagrange's equation then takes these velocities as they are, although no orientation has them.
+    ``none``: point masses in their true centres of mass, without rotary inertia.
+    """
+
+    def __post_init__(self) -> None:
+        if self.transmission not in TRANSMISSIONS:
+            raise RouteError(
+                f"transmission {self.transmission!r} does not exist: choose one of {', '.join(TRANSMISSIONS)}"
+            )
 
     @property
     def parameters(self) -> Mapping[str, Scalar]:
@@ -767,20 +791,26 @@ def cardan_angles(q: Vector) -> tuple[Scalar, Scalar]:
 
 
 def transmission_motions(leg: OmniLeg, q: Vector, v: Vector) -> dict[str, Motion]:
-    """Motion of the input shaft, the Cardan shaft with its two crosses, and the output shaft: exact.
+    """Motion of the input shaft, the Cardan shaft with its two crosses, and the output shaft.
 
-    The paper replaces (26), (27) and (29) by [0, beta', gamma'] and by the rod's angular velocity plus gamma' about
-    Z0. The true crosses and shaft follow the U joints A4 and B4; the output shaft then turns exactly as the input one.
+    In the models ``exact`` and ``none`` the crosses and the Cardan shaft follow the U joints A4 and B4; the output
+    shaft then turns exactly as the input one. In the model ``paper`` they move as crosses and rod of branch 1 do; what
+    (26), (27) and (29) add to their angular velocity is no rotation of theirs: see `transmission_angular_velocities`.
     """
     thigh = _thigh(q)
-    return _transmission_motions(thigh, q, v, _knee_motion(leg, thigh, v))
+    return _transmission_motions(leg, thigh, q, v, _branch_turnings(thigh, q, v), _knee_motion(leg, thigh, v))
 
 
-def _transmission_motions(thigh: _Thigh, q: Vector, v: Vector, knee: Motion) -> dict[str, Motion]:
-    a, b = _cardan(thigh, q, v)
+def _transmission_motions(
+    leg: OmniLeg,
+    thigh: _Thigh,
+    q: Vector,
+    v: Vector,
+    turnings: tuple[tuple[Turning, Turning], tuple[Turning, Turning]],
+    knee: Motion,
+) -> dict[str, Motion]:
     shaft = _turn(_FIXED, "z", _own(q[2], 2, v))  # (24)
-    cross_4 = _turn(shaft, "y", a)  # (26), (27)
-    rod_4 = _turn(cross_4, "x", b)  # (29)
+    cross_4, rod_4 = turnings[0] if leg.transmission == "paper" else _cardan_turnings(thigh, q, v, shaft)
     return {
         "input_shaft": Motion(shaft, ZERO, _STILL, ZERO),  # (24), (25)
         "cross_A4": Motion(cross_4, ZERO, _STILL, ZERO),  # (26), (28)
@@ -788,6 +818,31 @@ def _transmission_motions(thigh: _Thigh, q: Vector, v: Vector, knee: Motion) -> 
         "cross_B4": _at(knee, cross_4, ZERO),  # (27)
         "output_shaft": _at(knee, shaft, ZERO),  # (24)
     }
+
+
+def _cardan_turnings(thigh: _Thigh, q: Vector, v: Vector, shaft: Turning) -> tuple[Turning, Turning]:
+    """Crosses and Cardan shaft as the U joints hold them; (26), (27) and (29) neglect their coupling."""
+    a, b = _cardan(thigh, q, v)
+    cross_4 = _turn(shaft, "y", a)
+    return cross_4, _turn(cross_4, "x", b)
+
+
+_SPINNING = ("cross_A4", "shaft_A4B4", "cross_B4")
+_Z0 = IDENTITY[2]
+
+
+def transmission_angular_velocities(leg: OmniLeg, q: Vector, v: Vector) -> dict[str, Vector]:
+    """Angular velocities of the crosses A4, B4 and the Cardan shaft in the leg's transmission model, rad/s.
+
+    The printed ones, of the model ``paper``, are [0, beta', gamma'] and the rod's angular velocity plus [0, 0, gamma'].
+    At (30, 30, 40) deg the cross truly has [.548, -.653, 0] alpha' + [-.653, .778, 0] beta' + [.520, -.620, 1] gamma'.
+    """
+    motions = transmission_motions(leg, q, v)
+    velocities = {name: motions[name].turning.velocity for name in _SPINNING}
+    if leg.transmission == "paper":
+        spin = scale(v[2], _Z0)
+        velocities = {name: add(velocity, spin) for name, velocity in velocities.items()}  # (26), (27), (29)
+    return velocities
 
 
 def shank_motions(leg: OmniLeg, q: Vector, v: Vector) -> dict[str, Motion]:
@@ -822,10 +877,11 @@ def body_motions(leg: OmniLeg, q: Vector, v: Vector) -> dict[str, Motion]:
     """Motion of the frames of all 25 moving bodies, keyed by body name."""
     thigh = _thigh(q)
     knee = _knee_motion(leg, thigh, v)
+    turnings = _branch_turnings(thigh, q, v)
     return {
-        **_branch_motions(leg, thigh, _branch_turnings(thigh, q, v), knee),
+        **_branch_motions(leg, thigh, turnings, knee),
         "knee": knee,
-        **_transmission_motions(thigh, q, v, knee),
+        **_transmission_motions(leg, thigh, q, v, turnings, knee),
         **_shank_motions(leg, q, v, knee),
     }
 
@@ -896,16 +952,80 @@ def tree_coefficients(leg: OmniLeg, q: Vector) -> dict[str, Vector]:
 # 3 Dynamics: Lagrange, (44)-(46)
 
 
+def _dynamic_bodies(leg: OmniLeg) -> tuple[Body, ...]:
+    """The bodies as the transmission model weighs them."""
+    if leg.transmission != "none":
+        return leg.bodies
+    return tuple(body._replace(inertia=_STILL) if body.name in _SPINNING else body for body in leg.bodies)
+
+
+class _Spin(NamedTuple):
+    """A body that the model ``paper`` gives gamma' about Z0 on top of its turning; T is its inertia in the hip frame.
+
+    Its kinetic energy grows by gamma' Z0 · T w + gamma'^2 Z0 · T Z0 / 2; all below follows from these two terms.
+    """
+
+    turning: Turning
+    tensor: Matrix
+    reach: Vector
+    """T Z0, kg·m²."""
+
+
+def _spins(leg: OmniLeg, motions: Mapping[str, Motion]) -> tuple[_Spin, ...]:
+    if leg.transmission != "paper":
+        return ()
+    spins = []
+    for body in leg.bodies:
+        if body.name in _SPINNING:
+            turning = motions[body.name].turning
+            tensor = rotate_tensor(turning.rotation, body.inertia)
+            spins.append(_Spin(turning, tensor, matvec(tensor, _Z0)))
+    return tuple(spins)
+
+
+def _spin_energy(spin: _Spin, v: Vector) -> Scalar:
+    return v[2] * dot(spin.reach, spin.turning.velocity) + 0.5 * v[2] * v[2] * spin.reach[2]
+
+
+def _spin_inertia(spin: _Spin, i: int, j: int) -> Scalar:
+    """Element (i, j) of what the spin adds to the mass matrix: (w_i + z_i) · T (w_j + z_j) - w_i · T w_j."""
+    columns, reach = spin.turning.columns, spin.reach
+    element: Scalar = 0.0
+    if i == 2:
+        element = element + dot(reach, columns[j])
+    if j == 2:
+        element = element + dot(reach, columns[i])
+    return element + reach[2] if i == j == 2 else element
+
+
+def _spin_torque(spin: _Spin, v: Vector, a: Vector) -> Vector:
+    """What the spin adds to d/dt dL/dv - dL/dq.
+
+    With T' = w x T - T w x and d/dt w_i - dw/dq_i = w x w_i, which hold for the turning itself.
+    """
+    (_, columns, w, w_bias), tensor, reach = spin
+    rate, growth = v[2], a[2]
+    momentum = matvec(tensor, w)
+    crossed = subtract(subtract(matvec(tensor, cross(_Z0, w)), cross(momentum, _Z0)), cross(reach, w))
+    moment = total((scale(growth, reach), scale(rate, crossed), scale(-(rate * rate), cross(reach, _Z0))))
+    w_rate = add(matvec(transpose(columns), a), w_bias)
+    own = dot(reach, w_rate) + cross(w, momentum)[2] + growth * reach[2] + 2.0 * rate * cross(w, reach)[2]
+    alpha, beta, gamma = (dot(column, moment) for column in columns)
+    return alpha, beta, gamma + own
+
+
 def kinetic_energy(leg: OmniLeg, q: Vector, v: Vector) -> Scalar:
     """Kinetic energy of the 25 bodies and the rotors, J. The tensor of (44) is R I R^T, about the centre of mass."""
     energy: Scalar = 0.0
     motions = body_motions(leg, q, v)
-    for body in leg.bodies:
+    for body in _dynamic_bodies(leg):
         motion = motions[body.name]
         w = motion.turning.velocity
         velocity = matvec(transpose(centre_of_mass(motion, body.com).columns), v)
         tensor = rotate_tensor(motion.turning.rotation, body.inertia)
         energy = energy + 0.5 * dot(w, matvec(tensor, w)) + 0.5 * body.mass * dot(velocity, velocity)  # (44)
+    for spin in _spins(leg, motions):
+        energy = energy + _spin_energy(spin, v)
     for inertia, rate in zip(leg.rotor_inertia, v, strict=True):
         energy = energy + 0.5 * inertia * rate * rate
     return energy
@@ -932,7 +1052,7 @@ def mass_matrix(leg: OmniLeg, q: Vector) -> Matrix:
     """Inertia matrix M of (46), kg·m²: sum over bodies of m v_i · v_j + w_i · I w_j, plus the rotors."""
     motions = body_motions(leg, q, ZERO)
     upper: dict[tuple[int, int], Scalar] = {(i, j): 0.0 for i in range(3) for j in range(i, 3)}
-    for body in leg.bodies:
+    for body in _dynamic_bodies(leg):
         motion = motions[body.name]
         angular = motion.turning.columns
         linear = centre_of_mass(motion, body.com).columns
@@ -940,6 +1060,9 @@ def mass_matrix(leg: OmniLeg, q: Vector) -> Matrix:
         momenta = tuple(matvec(tensor, w) for w in angular)
         for (i, j), value in upper.items():
             upper[i, j] = value + body.mass * dot(linear[i], linear[j]) + dot(angular[i], momenta[j])  # (46)
+    for spin in _spins(leg, motions):
+        for (i, j), value in upper.items():
+            upper[i, j] = value + _spin_inertia(spin, i, j)
     for i in range(3):
         upper[i, i] = upper[i, i] + leg.rotor_inertia[i]
     return tuple(tuple(upper[min(i, j), max(i, j)] for j in range(3)) for i in range(3))
@@ -976,7 +1099,7 @@ def inverse_dynamics(leg: OmniLeg, q: Vector, v: Vector, a: Vector, gravity: Vec
         dissipation_torque(leg, q, v), tuple(inertia * a_i for inertia, a_i in zip(leg.rotor_inertia, a, strict=True))
     )
     motions = body_motions(leg, q, v)
-    for body in leg.bodies:
+    for body in _dynamic_bodies(leg):
         motion = motions[body.name]
         angular, w = motion.turning.columns, motion.turning.velocity
         centre = centre_of_mass(motion, body.com)
@@ -989,6 +1112,8 @@ def inverse_dynamics(leg: OmniLeg, q: Vector, v: Vector, a: Vector, gravity: Vec
             t + dot(linear_i, force) + dot(angular_i, moment)
             for t, linear_i, angular_i in zip(torque, centre.columns, angular, strict=True)
         )  # (45)
+    for spin in _spins(leg, motions):
+        torque = add(torque, _spin_torque(spin, v, a))
     return torque
 
 
@@ -1036,7 +1161,7 @@ def foot_force(leg: OmniLeg, q: Vector, v: Vector, a: Vector, torque: Vector, gr
     return solve(transpose(jacobian), missing), determinant(jacobian)  # (47), (48)
 
 
-def from_urdf(description: Description, *, tolerance: float = 1e-9) -> OmniLeg:
+def from_urdf(description: Description, *, tolerance: float = 1e-9, transmission: str = "exact") -> OmniLeg:
     """Take the leg's geometry and inertia from a URDF+ description, exactly, and check every assumption made here.
 
     Any frame convention will do, as long as links and joints have the shipped file's names and the zero pose is the
@@ -1048,6 +1173,8 @@ def from_urdf(description: Description, *, tolerance: float = 1e-9) -> OmniLeg:
         A validated description; yourdfpy reads its text, loops, couplings and transmissions are its own.
     tolerance : float
         Greatest deviation from an assumption, m or rad.
+    transmission : {"exact", "paper", "none"}
+        How the Cardan shaft and its crosses enter the dynamics, see `OmniLeg.transmission`.
 
     Returns
     -------
@@ -1057,7 +1184,9 @@ def from_urdf(description: Description, *, tolerance: float = 1e-9) -> OmniLeg:
     ------
     FormulaAssumptionError
         With `element`, `found`, `expected` and `tolerance`, where the file is not the mechanism of the formulas.
+    RouteError
+        There is no such transmission model.
     """
     from leg_dynamics.closed_form import _omnileg_file
 
-    return _omnileg_file.read(description, tolerance)
+    return replace(_omnileg_file.read(description, tolerance), transmission=transmission)

@@ -9,7 +9,8 @@ Any module of this package serves that has ``JOINT_NAMES``, ``TREE_JOINT_NAMES``
     inverse_dynamics(leg, q, v, a, gravity) bias(leg, q, v, gravity)        forward_dynamics(leg, q, v, f, gravity)
     inverse_kinematics(leg, p, branch)      with `q` and `margin` (m, negative outside the reach)
 
-and, where it has singular configurations, ``singularity_margins(leg, q)`` (values that vanish there) with
+and, where it has models to choose between, ``OPTIONS`` (a mapping of names to allowed values, which `from_urdf` takes
+as keywords); where it has singular configurations, ``singularity_margins(leg, q)`` (values that vanish there) with
 ``SINGULARITY_LIMIT``.
 """
 
@@ -32,9 +33,6 @@ __all__ = ["ClosedFormRoute"]
 
 _BLOCK = 4096
 """Rows evaluated at a time: temporaries stay in the cache and the memory of a large batch stays bounded."""
-
-LEAST_RECIPROCAL_CONDITION = 1e-6
-"""Below this, J^-T turns rounding of the torques into more than 1e-10 of the force."""
 
 
 def _shape(nested: Any) -> tuple[int, ...]:
@@ -62,11 +60,13 @@ class ClosedFormRoute:
         Name of a leg that `leg_dynamics.closed_form.find` knows.
     description : Description
         Where geometry, masses and inertias come from.
+    **options
+        Models that the formulas offer, for example ``transmission="paper"``; see the leg's ``OPTIONS``.
 
     Raises
     ------
     RouteError
-        No formulas have that name.
+        No formulas have that name, or they have no such option or value.
     FormulaAssumptionError
         The file breaks an assumption of the formulas.
     """
@@ -74,12 +74,18 @@ class ClosedFormRoute:
     name = "closed_form"
     has_foot = True
 
-    def __init__(self, formulas: str, description: Description) -> None:
+    def __init__(self, formulas: str, description: Description, **options: str) -> None:
         module = closed_form.find(formulas)
         if module is None:
             raise RouteError(f"there are no formulas of a leg called {formulas!r}; use route='pinocchio'")
         self.module: ModuleType = module
-        self.numbers = module.from_urdf(description)
+        offered = getattr(module, "OPTIONS", {})
+        for option, value in options.items():
+            if value not in offered.get(option, ()):
+                choices = f"choose one of {', '.join(offered[option])}" if option in offered else "leave it out"
+                raise RouteError(f"the formulas of {formulas!r} have no {option} {value!r}: {choices}")
+        self.options = options
+        self.numbers = module.from_urdf(description, **options)
         self.joint_names: tuple[str, ...] = tuple(module.JOINT_NAMES)
         self.tree_joint_names: tuple[str, ...] = tuple(module.TREE_JOINT_NAMES)
         self.branches: tuple[str, ...] = tuple(module.BRANCHES)
@@ -260,40 +266,3 @@ class ClosedFormRoute:
             )
             q[failing] = np.nan
         return q.reshape(*p.shape[:-1], len(self.joint_names))
-
-    def foot_force(
-        self,
-        q: np.ndarray,
-        v: np.ndarray,
-        a: np.ndarray,
-        tau: np.ndarray,
-        gravity: np.ndarray | None,
-        failures: RowFailures,
-    ) -> np.ndarray:
-        """Force that the environment applies to the foot while the actuators' `tau` drives the motion, (..., 3) N.
-
-        Fails with SingularityError where J^-T does not exist (reciprocal condition number of J below 1e-6; for OmniLeg
-        gamma = 0); the margin is the smallest singular value of J.
-        """
-        jacobian = self.foot_jacobian(q, failures).reshape(-1, 3, 3)
-        missing = np.atleast_2d(self.generalized_force(q, v, a, None, gravity, failures) - self._generalized(tau))
-        finite = np.isfinite(jacobian).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
-        sigma = np.zeros((len(jacobian), 3))
-        sigma[finite] = np.linalg.svd(jacobian[finite], compute_uv=False)
-        solvable = finite & (sigma[:, -1] >= LEAST_RECIPROCAL_CONDITION * sigma[:, 0])
-        failing = np.flatnonzero(finite & ~solvable)
-        if failing.size:
-            failures.add(
-                failing,
-                SingularityError(
-                    "the foot force does not follow from the torques here: some foot force needs no torque (smallest "
-                    f"singular value of the foot Jacobian {sigma[failing[0], -1]:.3g}); give a foot force and ask for "
-                    "torques instead, or bend the leg",
-                    rows=failing,
-                    margin=sigma[failing, -1],
-                ),
-            )
-        force = np.full(missing.shape, np.nan)
-        transposed = np.swapaxes(jacobian[solvable], 1, 2)
-        force[solvable] = np.linalg.solve(transposed, missing[solvable][..., None])[..., 0]
-        return force.reshape(q.shape)

@@ -34,7 +34,6 @@ METHODS = {
     "generalized_force": "qvafg",
     "torque": "qvafg",
     "acceleration": "qvafg",
-    "foot_force": "qvafg",
 }
 SHAPES = {
     "tree_coordinates": (22,),
@@ -48,8 +47,6 @@ SHAPES = {
 def arguments(method, states):
     q, v, a = states
     pool = {"q": q, "v": v, "a": a, "f": v[:, ::-1] * 10.0, "g": np.broadcast_to(GRAVITY, q.shape)}
-    if method == "foot_force":  # q, v, a, tau, gravity
-        pool["f"] = a * 0.1
     return [pool[letter] for letter in METHODS[method]]
 
 
@@ -106,8 +103,6 @@ def test_acceleration_undoes_torque_with_a_foot_force(route, states):
     force = v * 5.0
     torque = run(route, "torque", [q, v, a, force, GRAVITY + 0.0 * q])
     np.testing.assert_allclose(run(route, "acceleration", [q, v, torque, force, GRAVITY + 0.0 * q]), a, atol=1e-9)
-    found = run(route, "foot_force", [q, v, a, torque, GRAVITY + 0.0 * q])
-    np.testing.assert_allclose(found, force, atol=1e-8)
 
 
 def test_torques_come_in_the_order_of_the_actuators(states):
@@ -175,22 +170,6 @@ def test_overflow_in_a_single_sample_is_a_named_failure(route):
     result = route.bias(np.array([0.1, 0.2, 0.3]), huge, None, failures)
     assert np.isnan(result).all()
     assert isinstance(failures.combined(None), SingularityError)
-
-
-def test_foot_force_at_the_straight_leg_is_refused_with_the_singular_value(route):
-    zero = np.zeros((2, 3))
-    q = np.array([[0.2, 0.1, 0.5], [0.2, 0.1, 0.0]])
-    failures = RowFailures()
-    force = route.foot_force(q, zero, zero, zero, None, failures)
-    assert np.isfinite(force[0]).all()
-    assert np.isnan(force[1]).all()
-    error = failures.combined(2)
-    assert isinstance(error, SingularityError)
-    np.testing.assert_array_equal(error.rows, [1])
-    assert error.margin[0] == pytest.approx(0.0, abs=1e-17)
-    failures = RowFailures()
-    assert np.isnan(route.foot_force(q[1], zero[1], zero[1], zero[1], None, failures)).all()
-    assert failures
 
 
 def test_torque_at_the_straight_leg_works(route):
