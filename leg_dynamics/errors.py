@@ -182,7 +182,7 @@ class RowError(LegDynamicsError):
 
 
 class NonFiniteError(RowError, ValueError):
-    """An input holds NaN or infinity."""
+    """An input holds NaN or infinity, or a result is too large for a float."""
 
 
 class OutOfReachError(RowError, ValueError):

@@ -33,6 +33,9 @@ __all__ = ["Leg", "Limits", "OnError", "Route", "Units"]
 
 OnError = Literal["raise", "nan"]
 
+# A joint slower than this share of the independent speeds together rests, and Coulomb friction does not act on it:
+# below lies the rounding of rates that cancel. Were the routes' shares different, so would be the friction.
+STANDSTILL = 1e-11
 # IK may return a joint at its limit, off by the rounding of its inverse.
 LIMIT_TOLERANCE = 1e-9
 
@@ -881,6 +884,27 @@ class _Call:
             bad[rows] = True
         self.good = None if not bad.any() else np.flatnonzero(~bad)
 
+    def _find_overflow(self, result: np.ndarray) -> np.ndarray:
+        """Report rows whose input is finite, that the route computed, and whose result is not finite."""
+        finite = np.isfinite(result).reshape(self.count, -1).all(axis=1)
+        known = self.failures.rows if self.failures else np.zeros(0, dtype=np.intp)
+        rows = np.setdiff1d(np.flatnonzero(~finite), known)
+        if rows.size == 0:
+            return result
+        given = {name: array for name, array in self.arrays.items() if array is not None}
+        listing = ", ".join(f"{name} = {np.atleast_2d(array)[rows[0]].tolist()}" for name, array in given.items())
+        self.failures.add(
+            rows,
+            NonFiniteError(
+                f"the result at {listing} is too large for a float: check the units of the arguments",
+                rows=rows,
+                argument="result",
+            ),
+        )
+        result = np.array(result, dtype=float)
+        result.reshape(self.count, -1)[rows] = np.nan
+        return result
+
     @staticmethod
     def _check_out(out: Any, shape: tuple[int, ...]) -> None:
         given = type(out).__name__
@@ -903,13 +927,16 @@ class _Call:
             self._check_out(out, full)
         if self.failures and self.on_error == "raise":
             raise self.failures.combined(None if self.single else self.count)
-        if self.good is None:
-            result = np.asarray(function(*(self.arrays[name] for name in names), self.failures))
-        else:
-            result = np.full((self.count, *shape), np.nan)
-            if self.good.size:
-                arrays = [None if (a := self.arrays[n]) is None else np.atleast_2d(a)[self.good] for n in names]
-                result[self.good] = function(*arrays, RowFailures())
+        with np.errstate(over="ignore", invalid="ignore"):
+            if self.good is None:
+                result = np.asarray(function(*(self.arrays[name] for name in names), self.failures))
+            else:
+                result = np.full((self.count, *shape), np.nan)
+                if self.good.size:
+                    arrays = [None if (a := self.arrays[n]) is None else np.atleast_2d(a)[self.good] for n in names]
+                    result[self.good] = function(*arrays, RowFailures())
+        if not np.isfinite(result).all():
+            result = self._find_overflow(result)
         if self.failures and self.on_error == "raise":
             raise self.failures.combined(None if self.single else self.count)
         result = result.reshape(full)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from leg_dynamics.errors import LegNotFoundError, MissingFootError, ParameterError, RouteError
+from leg_dynamics.errors import FormulaAssumptionError, LegNotFoundError, MissingFootError, ParameterError, RouteError
 from leg_dynamics.leg import Leg, Route
 
 if TYPE_CHECKING:
@@ -71,6 +71,12 @@ class Recipe:
                 raise RouteError(
                     f"{self.description.name!r} as read from {self.description.file} has no closed-form formulas: use "
                     "route='pinocchio', or load a shipped name with urdf= this file"
+                )
+            if self.foot is None:
+                raise FormulaAssumptionError(
+                    f"{self.description.file}: there is no link 'foot', which the formulas of {self.formulas!r} need: "
+                    "give the file the leg's link names, or load it by its path with route='pinocchio'",
+                    element="foot",
                 )
             if self.foot != "foot":
                 raise RouteError(

@@ -5,12 +5,14 @@ from __future__ import annotations
 import copy
 import math
 import pickle
+import re
 import threading
 
 import numpy as np
 import pytest
 
 import leg_dynamics as ld
+from leg_dynamics.description import shipped_urdf
 from leg_dynamics.errors import (
     ActuationError,
     AssemblyError,
@@ -751,3 +753,34 @@ def test_what_only_the_numeric_route_offers():
         numeric.loop_forces(box(2), V, A)
     with pytest.raises(NonFiniteError):
         numeric.loop_forces(Q, V, [np.nan, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("route", ["closed_form", "pinocchio"])
+def test_a_result_too_large_for_a_float_is_named_not_nan(route):
+    leg = ld.load("omnileg", route=route)
+    q = np.tile(np.radians([10.0, 20.0, 30.0]), (3, 1))
+    v = np.array([[1.0, 1.0, 1.0], [1e200, 1e200, 1e200], [2.0, 2.0, 2.0]])
+    for call in (lambda **k: leg.torque(q, v, v, **k), lambda **k: leg.kinetic_energy(q, v, **k)):
+        with pytest.raises(NonFiniteError, match="too large for a float") as caught:
+            call()
+        assert caught.value.rows.tolist() == [1]
+        marked = call(on_error="nan").reshape(3, -1)
+        assert np.isnan(marked[1]).all()
+        assert np.isfinite(marked[[0, 2]]).all()
+
+
+def test_passive_joints_that_rest_have_no_coulomb_friction_by_either_route():
+    text = shipped_urdf("omnileg").read_text(encoding="utf-8")
+    passive = re.compile(r'(<joint [^>]*name="(?:theta|cardan|gamma_|phi|epsilon)[^>]*type="revolute">)')
+    rubbing, count = passive.subn(r'\1<dynamics damping="0.02" friction="0.1"/>', text)
+    assert count == 19
+    formulas, numeric = (ld.load("omnileg", urdf=rubbing, route=route) for route in ("closed_form", "pinocchio"))
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 3))
+    sa, ca, sb, cb = np.sin(q[:, 0]), np.cos(q[:, 0]), np.sin(q[:, 1]), np.cos(q[:, 1])
+    theta12_rests = np.stack([sa * ca * sb, cb, 0.0 * sa], axis=1)
+    for v in (*np.eye(3), np.zeros(3), theta12_rests):
+        motion = np.broadcast_to(v, q.shape)
+        ours, theirs = (leg.torque(q, motion, np.zeros(3)) for leg in (formulas, numeric))
+        np.testing.assert_allclose(ours, theirs, atol=1e-11)
+    still, alone = (formulas.torque(q, v, np.zeros(3)) for v in (np.zeros(3), [1.0, 0.0, 0.0]))
+    assert np.abs(alone - still).max() > 0.1

@@ -60,6 +60,7 @@ from leg_dynamics.closed_form.algebra import (
     where_domain,
 )
 from leg_dynamics.errors import RouteError
+from leg_dynamics.leg import STANDSTILL
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description
@@ -482,21 +483,28 @@ class InverseKinematics(NamedTuple):
 
     @property
     def margin(self) -> Scalar:
-        """The smaller margin in metres; 0 where only rounding within `ARCCOS_TOLERANCE` lifts the argument above 1."""
+        """The smaller margin in metres, or minus the distance that both together miss.
+
+        It is 0 where only rounding within `ARCCOS_TOLERANCE` lifts the argument above 1.
+        """
         stretch = self.stretch_margin
         tolerated = where(self.argument_margin >= -ARCCOS_TOLERANCE, fmax(stretch, 0.0), stretch)
-        return where(self.reach_margin < 0.0, self.reach_margin, fmin(self.reach_margin, tolerated))
+        missing = -sqrt(fmin(self.reach_margin, 0.0) ** 2 + fmin(tolerated, 0.0) ** 2)
+        return where(missing < 0.0, missing, fmin(self.reach_margin, tolerated))
 
 
 def _inverse_kinematics(leg: OmniLeg, p: Vector, thigh: float, knee: float) -> InverseKinematics:
     x, y, z = p
     rho_squared = x * x + y * y
-    height = sqrt(leg.L1 * leg.L1 - rho_squared)
+    height_squared = leg.L1 * leg.L1 - rho_squared
+    height = sqrt(height_squared)
     argument = (z - leg.L5 - thigh * height) / (2.0 * leg.L4)
+    # Beyond the horizontal reach the knee is level with the hip at best: what the shank then misses counts as well.
+    nearest = (z - leg.L5 - thigh * sqrt(fmax(height_squared, 0.0))) / (2.0 * leg.L4)
     alpha = atan2(-y, thigh * height)  # (13)
     beta = atan2(thigh * x, height)  # (13)
     gamma = knee * acos(where_domain(argument, ARCCOS_TOLERANCE))  # (13)
-    argument_margin = 1.0 - fabs(argument)
+    argument_margin = 1.0 - fabs(nearest)
     return InverseKinematics(
         (alpha, beta, gamma),
         leg.L1 - sqrt(rho_squared),
@@ -1069,15 +1077,20 @@ def mass_matrix(leg: OmniLeg, q: Vector) -> Matrix:
 
 
 def dissipation_torque(leg: OmniLeg, q: Vector, v: Vector) -> Vector:
-    """Torque that overcomes damping and Coulomb friction of the tree joints, N·m; zero friction at rest."""
+    """Torque that overcomes damping and Coulomb friction of the tree joints, N·m.
+
+    A joint slower than `STANDSTILL` of the three speeds together rests, and has no Coulomb friction.
+    """
     if not leg.dissipation:
         return ZERO
+    speed = fabs(v[0]) + fabs(v[1]) + fabs(v[2])
     coefficients = tree_coefficients(leg, q)
     torque: Vector = ZERO
     for joint, damping, friction in leg.dissipation:
         first = coefficients[joint]
         rate = dot(first, v)
-        torque = add(torque, scale(damping * rate + friction * sign(rate), first))
+        way = where(fabs(rate) > STANDSTILL * speed, sign(rate), 0.0)
+        torque = add(torque, scale(damping * rate + friction * way, first))
     return torque
 
 
@@ -1164,8 +1177,9 @@ def foot_force(leg: OmniLeg, q: Vector, v: Vector, a: Vector, torque: Vector, gr
 def from_urdf(description: Description, *, tolerance: float = 1e-9, transmission: str = "exact") -> OmniLeg:
     """Take the leg's geometry and inertia from a URDF+ description, exactly, and check every assumption made here.
 
-    Any frame convention will do, as long as links and joints have the shipped file's names and the zero pose is the
-    straight leg: poses come from yourdfpy's forward kinematics, and links fixed to a body are merged into it.
+    Link frames may be turned in any way, as long as links and joints have the shipped file's names, each joint's
+    origin is its centre, and the zero pose is the straight leg: poses come from yourdfpy's forward kinematics, and links
+    fixed to a body are merged into it.
 
     Parameters
     ----------

@@ -128,14 +128,15 @@ class ClosedFormRoute:
         return result
 
     def _evaluate(self, formula: Callable[..., Any], failures: RowFailures, *arguments: np.ndarray) -> np.ndarray:
-        """Evaluate a formula whose first argument is q; rows at singular configurations fail."""
+        """Evaluate a formula whose first argument is q; rows at singular configurations fail.
+
+        What overflows at a regular configuration is left as it is: the interface reports it.
+        """
         result = self._apply(formula, arguments)
-        finite = np.isfinite(result)
-        rows = np.atleast_1d(~finite.all(axis=tuple(range(arguments[0].ndim - 1, finite.ndim))))
-        margins = np.zeros(rows.shape)
-        if hasattr(self.module, "singularity_margins"):
-            margins = np.atleast_2d(self._apply(self.module.singularity_margins, arguments[:1])).min(axis=-1)
-            rows = rows | ~(margins >= self.module.SINGULARITY_LIMIT)
+        if not hasattr(self.module, "singularity_margins"):
+            return result
+        margins = np.atleast_2d(self._apply(self.module.singularity_margins, arguments[:1])).min(axis=-1)
+        rows = ~(margins >= self.module.SINGULARITY_LIMIT)
         if not rows.any():
             return result
         failing = np.flatnonzero(rows)

@@ -15,6 +15,7 @@ SPEED = 5.0
 ACCELERATION = 50.0
 FORCE = 50.0
 NEAR_ZERO_SHARE = 0.15
+RESTING_SHARE = 0.1
 BEYOND_STRAIGHT = np.pi / 4.0
 """How far the box reaches past a limit at 0 rad, rad."""
 LARGEST_CORNER_COUNT = 2**10
@@ -109,9 +110,11 @@ def sample_states(box: tuple[np.ndarray, np.ndarray], samples: int, seed: int) -
     count = min(len(special), (samples + 1) // 2)
     q[:count] = special[:count]
     directions = generator.standard_normal((samples, 3))
+    # Resting joints too: Coulomb friction jumps there.
+    moving = generator.random((samples, n)) >= RESTING_SHARE
     return States(
         q=q,
-        v=generator.uniform(-SPEED, SPEED, (samples, n)),
+        v=generator.uniform(-SPEED, SPEED, (samples, n)) * moving,
         a=generator.uniform(-ACCELERATION, ACCELERATION, (samples, n)),
         foot_force=generator.uniform(-FORCE, FORCE, (samples, 3)),
         gravity=9.81 * directions / np.linalg.norm(directions, axis=1, keepdims=True),

@@ -370,3 +370,14 @@ def test_formulas_are_found_by_the_name_of_the_leg():
     for name in ("algebra", "route", "_omnileg_file", "no_such_leg", "../omnileg", "omnileg.urdf", ""):
         assert closed_form.find(name) is None
     assert "route" not in closed_form.names()
+
+
+@pytest.mark.filterwarnings("ignore::leg_dynamics.errors.LegDynamicsWarning")
+def test_a_gear_pair_that_turns_backwards_is_refused(robot):
+    ratio = named(robot, "coupling", "bevel_2").find("ratio")
+    ratio.set("value", "1")
+    assert load(robot).L1 == 0.15
+    ratio.set("value", "-1")
+    with pytest.raises(FormulaAssumptionError, match="ratio of coupling 'bevel_2'") as caught:
+        load(robot)
+    assert (caught.value.found, caught.value.expected) == (-1.0, 1.0)

@@ -141,7 +141,8 @@ def test_points_out_of_reach_fail_with_their_margin_in_metres(route):
     error = failures.combined(3)
     assert isinstance(error, OutOfReachError)
     np.testing.assert_array_equal(error.rows, [1, 2])
-    np.testing.assert_allclose(error.margin, [-0.1, -0.1], atol=1e-15)
+    # 0.1 m beyond the horizontal reach, where the shank of 0.19 m falls 0.05 m short of the height as well
+    np.testing.assert_allclose(error.margin, [-math.hypot(0.1, 0.05), -0.1], atol=1e-15)
     single = RowFailures()
     assert np.isnan(route.inverse_kinematics(p[1], "gamma_positive", single)).all()
     assert isinstance(single.combined(None), OutOfReachError)
@@ -164,12 +165,13 @@ def test_poses_where_the_passive_joints_lose_their_direction_fail(route, method,
     assert isinstance(failures.combined(None), SingularityError)
 
 
-def test_overflow_in_a_single_sample_is_a_named_failure(route):
+def test_overflow_is_left_to_the_interface(route):
     failures = RowFailures()
     huge = np.full(3, 1e200)
-    result = route.bias(np.array([0.1, 0.2, 0.3]), huge, None, failures)
-    assert np.isnan(result).all()
-    assert isinstance(failures.combined(None), SingularityError)
+    with np.errstate(over="ignore", invalid="ignore"):
+        result = route.bias(np.array([0.1, 0.2, 0.3]), huge, None, failures)
+    assert not np.isfinite(result).all()
+    assert not failures
 
 
 def test_torque_at_the_straight_leg_works(route):
