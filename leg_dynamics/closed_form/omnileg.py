@@ -1178,8 +1178,8 @@ def from_urdf(description: Description, *, tolerance: float = 1e-9, transmission
     """Take the leg's geometry and inertia from a URDF+ description, exactly, and check every assumption made here.
 
     Link frames may be turned in any way, as long as links and joints have the shipped file's names, each joint's
-    origin is its centre, and the zero pose is the straight leg: poses come from yourdfpy's forward kinematics, and links
-    fixed to a body are merged into it.
+    origin is its centre, and the zero pose is the straight leg: poses come from yourdfpy's forward kinematics, and
+    links fixed to a body are merged into it.
 
     Parameters
     ----------
