@@ -5,10 +5,12 @@ from __future__ import annotations
 import codecs
 import contextlib
 import dataclasses
+import errno
 import functools
 import json
 import math
 import os
+import stat
 import sys
 import tempfile
 import warnings
@@ -24,6 +26,7 @@ from leg_dynamics.errors import (
     LegDynamicsError,
     LegDynamicsWarning,
     MissingFootError,
+    NonFiniteError,
     OutputError,
     TrajectoryError,
     UnsupportedError,
@@ -40,13 +43,17 @@ __all__ = ["app", "main"]
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 EXIT_CODES = (
-    "Exit codes: 0 done; 1 a check failed or two routes disagree; 2 bad usage or bad input, said in one line; "
-    "130 interrupted."
+    "Exit codes: 0 done; 1 a check failed or two routes disagree; 2 bad usage, bad input or unwritable output, said "
+    "in one line; 130 interrupted."
 )
 AGREEMENT = 1e-9
 """Two routes agree where their difference is at most this times (1 + magnitude)."""
 CHUNK = 256
 """Rows computed between two steps of a progress bar."""
+MAX_FORCE = 1e30
+"""N; the largest component of a force on the foot: a preview draws in single precision."""
+MAX_EFFORT = 1e150
+"""N·m or N; the square of a larger torque leaves the range of floating-point numbers."""
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 FORCE_NOTE = (
     "The foot force is the one that the environment applies to the foot, in the hip frame "
@@ -124,7 +131,11 @@ def _reported(command: Callable[..., None]) -> Callable[..., None]:
 
             warnings.showwarning = showwarning
             try:
-                command(*args, **kwargs)
+                try:
+                    command(*args, **kwargs)
+                finally:
+                    # Here, where a failure still has a word in the exit code.
+                    sys.stdout.flush()
             except KeyboardInterrupt:
                 _complain("interrupted")
                 raise typer.Exit(INTERRUPTED) from None
@@ -134,8 +145,26 @@ def _reported(command: Callable[..., None]) -> Callable[..., None]:
             except LegDynamicsError as error:
                 _complain(f"error: {error}")
                 raise typer.Exit(USAGE) from None
+            except OSError as error:
+                _report_os_error(error)
+                raise typer.Exit(USAGE) from None
 
     return wrapper
+
+
+def _report_os_error(error: OSError) -> None:
+    """Say in one line which file, or that standard output, failed; raise again what is neither."""
+    if error.filename is not None:
+        _complain(f"error: {error.filename}: {error.strerror}")
+        return
+    if error.errno not in (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF):
+        raise error
+    # What is still buffered would fail again when the interpreter ends.
+    with contextlib.suppress(OSError), open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
+    # Nobody reads a broken pipe, as in `| head`: no reason to complain.
+    if error.errno != errno.EPIPE:
+        _complain(f"error: the output cannot be written: {error.strerror}")
 
 
 def _command(name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -333,13 +362,15 @@ def torque_leg(
         _check_writable(path)
     if plot is not None and plot.suffix.lower() not in PLOT_SUFFIXES:
         raise typer.BadParameter(f"{plot.name!r} does not end in {', '.join(PLOT_SUFFIXES)}", param_hint="--plot")
-    force = None if foot_force is None else _numbers("--foot-force", foot_force, 3)
-    window = None if force_window is None else _numbers("--force-window", force_window, 2)
-    if window is not None and force is None:
-        raise typer.BadParameter("--force-window needs --foot-force")
+    force, window = _force(foot_force, force_window)
     from leg_dynamics.routes import sibling
 
     model = _load(leg, route, set_, foot, urdf)
+    if compare == model.route:
+        raise typer.BadParameter(
+            f"{compare} is the route itself; compare it with another one, or choose another --route",
+            param_hint="--compare",
+        )
     motion = _trajectory(model, trajectory, duration, rate, ignore_limits)
     if force is not None:
         motion = motion.with_foot_force(force, *(window or (None, None)))
@@ -421,10 +452,7 @@ def preview_leg(
     from leg_dynamics.preview import show_live, write_html
 
     _check_writable(html)
-    force = None if foot_force is None else _numbers("--foot-force", foot_force, 3)
-    window = None if force_window is None else _numbers("--force-window", force_window, 2)
-    if window is not None and force is None:
-        raise typer.BadParameter("--force-window needs --foot-force")
+    force, window = _force(foot_force, force_window)
     model = _load(leg, route, set_, foot, urdf)
     motion = _preview_motion(model, trajectory, duration, rate, ignore_limits)
     if force is not None:
@@ -568,6 +596,21 @@ def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
     return numbers
 
 
+def _force(
+    foot_force: str | None, force_window: str | None
+) -> tuple[tuple[float, ...] | None, tuple[float, ...] | None]:
+    force = None if foot_force is None else _numbers("--foot-force", foot_force, 3)
+    window = None if force_window is None else _numbers("--force-window", force_window, 2)
+    if force is None:
+        if window is not None:
+            raise typer.BadParameter("--force-window needs --foot-force")
+    elif max(map(abs, force)) > MAX_FORCE:
+        raise typer.BadParameter(
+            f"{foot_force!r} is out of range: no component may exceed {MAX_FORCE:g} N", param_hint="--foot-force"
+        )
+    return force, window
+
+
 def _trajectory(
     leg: Leg, choice: str | None, duration: float | None, rate: float | None, ignore_limits: bool
 ) -> Trajectory:
@@ -620,8 +663,21 @@ def _torque(leg: Leg, motion: Trajectory) -> np.ndarray:
     parts = []
     for rows in _chunks(len(motion), f"torque, {leg.route}"):
         force = None if motion.foot_force is None else motion.foot_force[rows]
-        parts.append(leg.torque(motion.q[rows], motion.v[rows], motion.a[rows], foot_force=force))
-    return np.concatenate(parts)
+        # An overflow is told below.
+        with np.errstate(over="ignore", invalid="ignore"):
+            parts.append(leg.torque(motion.q[rows], motion.v[rows], motion.a[rows], foot_force=force))
+    efforts = np.concatenate(parts)
+    # Written so that a NaN fails.
+    bad = np.argwhere(~(np.abs(efforts) <= MAX_EFFORT))
+    if bad.size:
+        row, k = bad[0]
+        raise NonFiniteError(
+            f"the torque overflows: {leg.actuator_names[k]} is {efforts[row, k]:.3g} {leg.units.actuators[k]} at "
+            f"t = {motion.time[row]:g} s, beyond {MAX_EFFORT:g}; slow the motion down, or lower the force and the "
+            "parameters",
+            rows=np.unique(bad[:, 0]),
+        )
+    return efforts
 
 
 def _animation(leg: Leg, motion: Trajectory) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
@@ -759,7 +815,8 @@ def _write_table(path: Path, leg: Leg, motion: Trajectory, efforts: np.ndarray) 
     if motion.foot_force is not None:
         header += [f"foot_force_{axis} [N]" for axis in "xyz"]
         columns.append(motion.foot_force)
-    rows = np.hstack(columns)
+    # Adding zero turns -0 into 0.
+    rows = np.hstack(columns) + 0.0
 
     def write(temporary: Path) -> None:
         with temporary.open("w", encoding="utf-8", newline="\n") as file:
@@ -788,30 +845,65 @@ def _write_plot(
     _write_atomically(path, lambda temporary: figure.savefig(temporary, format=path.suffix.lower().lstrip(".")))
 
 
-def _check_writable(path: Path | None) -> None:
-    """Refuse an output path before the computation, not after it."""
+def _check_writable(path: Path | None) -> Path | None:
+    """Refuse an output path before the computation, not after it; return the file behind a symbolic link."""
     if path is None:
-        return
-    if not path.parent.is_dir():
-        raise OutputError(f"the folder {path.parent} of {path.name} does not exist; make it first", path=str(path))
-    if path.is_dir():
-        raise OutputError(f"{path} is a folder; name a file", path=str(path))
+        return None
+    try:
+        return _output_target(path)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror or error}", path=str(path)) from error
+
+
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISLNK, "a loop of symbolic links"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISCHR, "a character device"),
+    (stat.S_ISBLK, "a block device"),
+    (stat.S_ISSOCK, "a socket"),
+)
+
+
+def _output_target(path: Path) -> Path:
+    # Only a regular file may be replaced: anything else would be destroyed by it.
+    target = Path(os.path.realpath(path)) if path.is_symlink() else path
+    place = f"{path}" if target == path else f"{path} (a link to {target})"
+    if not target.parent.is_dir():
+        raise OutputError(f"the folder {target.parent} of {target.name} does not exist; make it first", path=str(path))
+    try:
+        mode = target.lstat().st_mode
+    except FileNotFoundError:
+        return target
+    if not stat.S_ISREG(mode):
+        kind = next((kind for test, kind in _KINDS if test(mode)), "not a regular file")
+        raise OutputError(f"{place} is {kind}; name a file", path=str(path))
+    # The bits too, because root may write everything.
+    if not (mode & 0o222 and os.access(target, os.W_OK)):
+        raise OutputError(
+            f"{place} is write-protected (mode {stat.S_IMODE(mode):o}); name another file or allow writing",
+            path=str(path),
+        )
+    return target
 
 
 def _write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Let `write` fill a temporary file beside the target, then put it in place in one step."""
-    _check_writable(path)
+    target = _check_writable(path)
+    assert target is not None
     temporary: Path | None = None
     try:
-        descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
+        descriptor, name = tempfile.mkstemp(dir=target.parent, prefix=f".{path.stem}.", suffix=path.suffix)
         os.close(descriptor)
         temporary = Path(name)
         write(temporary)
-        # mkstemp's files are private; a result gets the permissions of any new file.
+        # mkstemp's files are private; a result keeps the permissions of the old file, or gets those of any new one.
         mask = os.umask(0)
         os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        temporary.replace(path)
+        temporary.chmod(stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~mask)
+        temporary.replace(target)
     except OSError as error:
         raise OutputError(f"{path} cannot be written: {error.strerror or error}", path=str(path)) from error
     finally:
@@ -861,7 +953,12 @@ def _add_row(table: Any, *cells: str) -> None:
 
 
 def _console() -> Console:
-    from rich.console import Console
+    from rich.console import Console as RichConsole
+
+    class Console(RichConsole):
+        def on_broken_pipe(self) -> None:
+            # The library's own way out is exit code 1: a failed check.
+            raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
     # A pipe has no width of its own; 80 would cut tables off.
     width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
@@ -898,7 +995,9 @@ def _say_written(path: Path) -> None:
 
 
 def _complain(text: str) -> None:
-    print(f"leg-dynamics: {' '.join(str(text).split())}", file=sys.stderr)
+    # Where standard error fails there is nowhere left to say so; the exit code does.
+    with contextlib.suppress(OSError):
+        print(f"leg-dynamics: {' '.join(str(text).split())}", file=sys.stderr)
 
 
 _ASCII = {"·": "*", "×": "x", "²": "^2", "°": " deg", "−": "-", "–": "-", "…": "...", "±": "+-", "≤": "<=", "≥": ">="}
@@ -912,15 +1011,27 @@ def _ascii_substitute(error: UnicodeError) -> tuple[str, int]:
 
 def main() -> None:
     """Run the command line; a terminal that lacks a letter gets an ASCII one in its place."""
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if sys.stdout is None:
+        _complain("error: standard output is closed; redirect it to a file or to the null device")
+        raise SystemExit(USAGE)
     codecs.register_error("leg_dynamics_ascii", _ascii_substitute)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="leg_dynamics_ascii")
     try:
-        app(prog_name="leg-dynamics")
+        try:
+            app(prog_name="leg-dynamics")
+        finally:
+            sys.stdout.flush()
     except KeyboardInterrupt:
         # Before a command has begun.
         raise SystemExit(INTERRUPTED) from None
+    except OSError as error:
+        # Outside of any command: help and version.
+        _report_os_error(error)
+        raise SystemExit(USAGE) from None
 
 
 if __name__ == "__main__":

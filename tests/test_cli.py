@@ -6,6 +6,8 @@ import csv
 import importlib
 import io
 import json
+import os
+import socket
 import subprocess
 import sys
 import warnings
@@ -159,6 +161,97 @@ def test_substitutes_are_readable():
         cli._ascii_substitute(UnicodeDecodeError("ascii", b"\xff", 0, 1, ""))
 
 
+def launch(*arguments, stdout, size=None, prefix=()):
+    """The command as a process, whose files may have at most `size` bytes."""
+
+    def limit():
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    environment = {"PYTHONPATH": str(Path(cli.__file__).parents[1]), "PATH": os.defpath, "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(
+        [*prefix, sys.executable, "-m", "leg_dynamics.cli", *arguments],
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        env=environment,
+        preexec_fn=None if size is None else limit,
+        check=False,
+    )
+
+
+needs_posix = pytest.mark.skipif(os.name != "posix", reason="POSIX files and limits")
+OUTPUTS = [("list",), ("list", "--json"), ("render", "omnileg"), ("--version",)]
+
+
+@needs_posix
+@pytest.mark.parametrize("arguments", OUTPUTS)
+def test_full_standard_output_is_one_line(tmp_path, arguments):
+    with (tmp_path / "out").open("wb") as file:
+        # Room for the temporary folder's own test, which a rendering asks for.
+        result = launch(*arguments, stdout=file, size=16)
+    assert result.stderr == b"leg-dynamics: error: the output cannot be written: File too large\n"
+    assert result.returncode == 2
+
+
+@needs_posix
+@pytest.mark.parametrize("arguments", OUTPUTS)
+def test_broken_pipe_is_silent(arguments):
+    reader, writer = os.pipe()
+    os.close(reader)
+    result = launch(*arguments, stdout=writer)
+    os.close(writer)
+    assert (result.returncode, result.stderr) == (2, b"")
+
+
+@needs_posix
+def test_closed_standard_streams():
+    def closed(stream):
+        prefix = ("/bin/sh", "-c", f'exec "$@" {stream}>&-', "sh")
+        return launch("list", "--json", stdout=subprocess.PIPE, prefix=prefix)
+
+    result = closed(1)
+    assert (result.returncode, result.stdout) == (2, b"")
+    assert result.stderr.startswith(b"leg-dynamics: error: standard output is closed")
+    assert result.stderr.count(b"\n") == 1
+    result = closed(2)
+    assert result.returncode == 0
+    assert json.loads(result.stdout)["legs"]
+
+
+def test_full_standard_error_keeps_the_exit_code(monkeypatch):
+    class Full(io.StringIO):
+        def write(self, text):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(sys, "stderr", Full())
+    cli._complain("lost")
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (OSError(28, "No space left on device"), "the output cannot be written: No space left on device"),
+        (OSError(36, "File name too long", "aaa"), "aaa: File name too long"),
+    ],
+)
+def test_system_errors_are_one_line(monkeypatch, error, text):
+    def fail():
+        raise error
+
+    monkeypatch.setattr(leg_dynamics, "available", fail, raising=False)
+    assert text in refused("list")
+
+
+def test_a_system_error_without_a_file_is_not_taken_for_output(monkeypatch):
+    def fail():
+        raise OSError(98, "Address already in use")
+
+    monkeypatch.setattr(leg_dynamics, "available", fail, raising=False)
+    with pytest.raises(OSError, match="Address"):
+        run("list")
+
+
 # list, info, render.
 
 
@@ -305,6 +398,62 @@ def test_torque_fails_where_routes_disagree(monkeypatch):
     assert "the routes closed_form and pinocchio disagree" in result.err
 
 
+def test_a_route_is_not_compared_with_itself():
+    for arguments in (("--compare", "closed_form"), ("--route", "pinocchio", "--compare", "pinocchio")):
+        result = run("torque", "omnileg", *SHORT, *arguments)
+        assert (result.code, result.out) == (2, "")
+        assert "is the route itself" in " ".join(result.err.replace("│", " ").split())
+    assert run("torque", "omnileg", *SHORT, "--route", "pinocchio", "--compare", "closed_form").code == 0
+
+
+def test_forces_out_of_range(tmp_path):
+    for command in ("torque", "preview"):
+        result = run(
+            command, "omnileg", "--foot-force=0,-1e308,0", "--html" if command == "preview" else "--plot", "x.png"
+        )
+        assert (result.code, result.out) == (2, "")
+        assert "out of range" in result.err
+    largest = as_json("torque", "omnileg", *SHORT, "--foot-force=1e30,1e30,1e30", "--plot", tmp_path / "torque.png")
+    assert all(0.0 < actuator["rms"] <= abs(actuator["peak"]) for actuator in largest["actuators"][:2])
+    page = tmp_path / "page.html"
+    assert run("preview", "omnileg", "--duration", "0.1", "--foot-force=0,-1e30,0", "--html", page).code == 0
+
+
+@pytest.mark.parametrize("value", [1e150, 1.1e150, -1.1e150, np.inf, np.nan])
+def test_torques_out_of_range(monkeypatch, value):
+    leg = leg_dynamics.load("omnileg")
+    motion = omnileg_eq52(0.1, 100.0)
+
+    def torque(self, q, v, a, foot_force=None):
+        efforts = np.zeros_like(q)
+        efforts[3, 1] = value
+        return efforts
+
+    monkeypatch.setattr(type(leg), "torque", torque)
+    if value == 1e150:
+        peak = cli._summary(leg, motion, cli._torque(leg, motion))["actuators"][1]
+        assert (peak["peak"], peak["time_of_peak"], np.isfinite(peak["rms"])) == (1e150, 0.03, True)
+    else:
+        with pytest.raises(cli.NonFiniteError, match=r"torque overflows: M1 is .* at t = 0\.03 s") as caught:
+            cli._torque(leg, motion)
+        assert caught.value.rows.tolist() == [3]
+
+
+def test_the_torque_table_is_a_trajectory(tmp_path):
+    first, second = tmp_path / "first.csv", tmp_path / "second.csv"
+    arguments = ("torque", "omnileg", "--duration", "1", "--rate", "100", "--foot-force", "0,-20,20")
+    assert run(*arguments, "--output", first).code == 0
+    assert not any(cell == "-0" for line in first.read_text(encoding="utf-8").splitlines() for cell in line.split(","))
+    result = run("torque", "omnileg", "--trajectory", first, "--output", second)
+    assert result.code == 0
+    assert result.err.startswith(f"leg-dynamics: warning: {first}:1: only times and coordinates are read, not v_alpha")
+    assert result.err.count("\n") == 1
+    (header, rows), (again, more) = table(first), table(second)
+    assert [name for name in header if name not in again] == [f"foot_force_{axis} [N]" for axis in "xyz"]
+    np.testing.assert_array_equal(more[:, :4], rows[:, :4])
+    np.testing.assert_allclose(more[:, 4:7], rows[:, 4:7], atol=1e-6)
+
+
 def test_torque_plot_is_a_picture(tmp_path):
     from PIL import Image
 
@@ -421,6 +570,84 @@ def test_a_written_file_is_whole_and_readable_like_any_other(tmp_path):
 
 def test_a_folder_is_no_output_file(tmp_path):
     assert "is a folder" in refused("render", "omnileg", "--output", tmp_path)
+    (tmp_path / "link").symlink_to(tmp_path)
+    assert f"(a link to {tmp_path}) is a folder" in refused("render", "omnileg", "--output", tmp_path / "link")
+
+
+def write(path):
+    cli._write_atomically(path, lambda temporary: temporary.write_text("new", encoding="utf-8"))
+
+
+def test_a_link_stays_and_its_target_is_written(tmp_path):
+    (tmp_path / "there").mkdir()
+    target, link, second = tmp_path / "there" / "target.txt", tmp_path / "link.txt", tmp_path / "second.txt"
+    link.symlink_to(Path("there", "target.txt"))
+    second.symlink_to(link)
+    for _ in ("dangling", "existing"):
+        write(second)
+        assert target.read_text(encoding="utf-8") == "new"
+        assert link.is_symlink()
+        assert second.is_symlink()
+        target.write_text("old", encoding="utf-8")
+    assert [path.name for path in target.parent.iterdir()] == ["target.txt"]
+
+
+def test_links_to_nowhere_are_refused(tmp_path):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with pytest.raises(cli.OutputError, match="loop of symbolic links"):
+        write(tmp_path / "loop")
+    (tmp_path / "link").symlink_to(tmp_path / "absent" / "file")
+    with pytest.raises(cli.OutputError, match=r"the folder .*absent of file does not exist"):
+        write(tmp_path / "link")
+
+
+@needs_posix
+@pytest.mark.parametrize("linked", [False, True])
+def test_only_regular_files_are_replaced(tmp_path, monkeypatch, linked):
+    monkeypatch.chdir(tmp_path)  # the path of a socket must be short
+    os.mkfifo("pipe")
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind("socket")
+        for name, kind in (("pipe", "a named pipe"), ("socket", "a socket")):
+            path, mode = Path(name), os.lstat(name).st_mode
+            if linked:
+                path = Path(f"link_to_{name}")
+                path.symlink_to(name)
+            with pytest.raises(cli.OutputError, match=f"{path}.* is {kind}; name a file"):
+                write(path)
+            assert os.lstat(name).st_mode == mode
+
+
+def test_every_output_option_is_checked_before_the_computation(tmp_path, monkeypatch):
+    monkeypatch.setattr(cli, "_load", None)
+    file = tmp_path / "kept.png"
+    file.write_text("old", encoding="utf-8")
+    file.chmod(0o444)
+    for arguments in (
+        ("torque", "omnileg", "--output"),
+        ("torque", "omnileg", "--plot"),
+        ("preview", "omnileg", "--html"),
+    ):
+        assert "write-protected (mode 444)" in refused(*arguments, file)
+    assert file.read_text(encoding="utf-8") == "old"
+
+
+def test_write_protection_of_others_counts_too(tmp_path, monkeypatch):
+    file = tmp_path / "file.txt"
+    file.write_text("old", encoding="utf-8")
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    with pytest.raises(cli.OutputError, match="write-protected"):
+        write(file)
+    monkeypatch.undo()
+    file.chmod(0o600)
+    write(file)
+    assert file.read_text(encoding="utf-8") == "new"
+    assert file.stat().st_mode & 0o777 == 0o600
+
+
+def test_an_impossible_file_name_is_one_line(tmp_path):
+    assert "name too long" in refused("render", "omnileg", "--output", tmp_path / ("a" * 300))
+    assert "name too long" in refused("torque", "omnileg", "--trajectory", "a" * 300)
 
 
 # crosscheck, preview, demo.

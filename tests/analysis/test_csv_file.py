@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from leg_dynamics.analysis.trajectories import from_csv
-from leg_dynamics.errors import JointLimitError, OutOfReachError, TrajectoryError
+from leg_dynamics.analysis.trajectories import csv_file, from_csv
+from leg_dynamics.errors import JointLimitError, LegDynamicsWarning, OutOfReachError, TrajectoryError
 
 
 class TwoBar:
@@ -177,6 +179,18 @@ def changed(line, text):
         (changed(5, "0.15,nan,2"), ":5:", "q1 is nan; every value must be finite"),
         (changed(5, "0.15,-Infinity,2"), ":5:", "must be finite"),
         (changed(5, "0.15,1e999,2"), ":5:", "too large"),
+        (changed(5, "0.15,1,-1e308"), ":5:", r"q2 = -1e\+308 is out of range: its magnitude may be 1e\+09 at most"),
+        (changed(42, "1e308,1,1"), ":42:", r"t = 1e\+308 is out of range: its magnitude may be 1e\+12"),
+        (changed(2, "-1e308,1,1"), ":2:", "out of range"),
+        (table(time=np.arange(41) * 1e300), ":3:", "out of range"),
+        (table(time=np.arange(41) * 1e-300), ":3:", "1e-300 s from the row before is shorter than 1e-12 s"),
+        ("t,q_shoulder,q_elbow,mass\n0,1,1,1\n", ":1:", "unknown column 'mass'"),
+        ("t,q_shoulder,q_elbow,q1\n0,1,1,1\n", ":1:", "unknown column 'q1'"),
+        ("t,q_shoulder,q_elbow,q_elbow\n0,1,1,1\n", ":1:", "given twice"),
+        ("t,q_shoulder,v_shoulder\n0,1,1\n", ":1:", "unknown column 'v_shoulder'"),
+        ("t,q_shoulder\n0,1\n", ":1:", "column 'elbow' is missing"),
+        ("q_shoulder,q_elbow,tau_A\n0,1,1\n", ":1:", "column 't' is missing"),
+        ("t,q_shoulder [deg],q_elbow\n0,1,1\n", ":1:", "only rad is read"),
         (changed(5, '0.15,"1,2'), ":5:", "2 values under 3"),
         (changed(5, "0.15,1," + "2" * 200_000), ":5:", "not a CSV row"),
         (changed(5, "0.1,1,2"), ":5:", r"0\.1\d* s follows 0\.1\d* s"),
@@ -193,6 +207,68 @@ def test_bad_files_name_file_and_line(write, content, place, text):
         from_csv(path, ARM)
     assert str(caught.value).startswith(f"{path}{place} ")
     assert f":{caught.value.line}:" == place
+
+
+RESULTS = "t [s],q_shoulder [rad],q_elbow [rad],v_shoulder [rad/s],tau_A [N*m],foot_x [m],foot_force_x [N]"
+
+
+def test_table_of_results_is_read_again(write):
+    values = np.c_[coordinates(TIME), np.full((TIME.size, 4), np.nan)]
+    path = write(table(RESULTS, values=values))
+    with pytest.warns(LegDynamicsWarning, match=r"motion\.csv:1: .*not v_shoulder, tau_A, foot_x, foot_force_x; "):
+        motion = from_csv(path, ARM)
+    np.testing.assert_array_equal(motion.q, coordinates(TIME))
+    np.testing.assert_allclose(motion.v, rates(TIME), atol=2e-7)
+    assert motion.foot_force is None
+
+
+def test_coordinates_of_a_table_of_results_alone_need_no_warning(write):
+    for header in ("t,q_shoulder,q_elbow", "t,q_shoulder,elbow"):
+        np.testing.assert_array_equal(from_csv(write(table(header)), ARM).q, coordinates(TIME))
+
+
+def test_a_joint_called_like_a_result(write):
+    class Arm(TwoBar):
+        joint_names = ("q_b", "b")
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_array_equal(from_csv(write(table("t,q_b,b")), Arm()).q, coordinates(TIME))
+        np.testing.assert_array_equal(from_csv(write(table("t,q_q_b,q_b")), Arm()).q, coordinates(TIME))
+
+
+@pytest.mark.parametrize(
+    ("time", "value"), [(np.arange(41) * 1.01e-12, 1.0), (np.arange(41) * 2.5e10, 1e9), (TIME, -1e9)]
+)
+def test_largest_and_smallest_numbers(write, time, value):
+    values = np.full((41, 2), value)
+    motion = from_csv(write(table(time=time, values=values)), ARM, limits="ignore")
+    np.testing.assert_array_equal(motion.q, values)
+
+
+def test_only_regular_files_are_opened(tmp_path, write):
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(TrajectoryError, match=r"pipe\.csv: this is not a regular file"):
+        from_csv(tmp_path / "pipe.csv", ARM)
+    (tmp_path / "link.csv").symlink_to(write(table()))
+    np.testing.assert_array_equal(from_csv(tmp_path / "link.csv", ARM).q, coordinates(TIME))
+
+
+def test_size_is_capped(tmp_path, monkeypatch, write):
+    huge = tmp_path / "huge.csv"
+    with huge.open("wb") as file:
+        file.truncate(csv_file.MAX_BYTES + 1)  # sparse
+    with pytest.raises(TrajectoryError, match=r"huge\.csv: the file is larger than 200 MB"):
+        from_csv(huge, ARM)
+    path = write(table())
+    size = path.stat().st_size
+    monkeypatch.setattr(csv_file, "MAX_BYTES", size)
+    np.testing.assert_array_equal(from_csv(path, ARM).q, coordinates(TIME))
+    # A file may grow, or not tell its size.
+    monkeypatch.setattr(csv_file, "MAX_BYTES", size - 1)
+    monkeypatch.setattr(type(path), "stat", lambda self: SimpleNamespace(st_mode=0o100644, st_size=0))
+    with pytest.raises(TrajectoryError, match="larger"):
+        from_csv(path, ARM)
 
 
 def test_unreadable_files(tmp_path):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import math
 import re
+import stat
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn, Protocol
@@ -13,15 +15,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leg_dynamics.analysis.trajectories.trajectory import Trajectory
-from leg_dynamics.errors import RowError, TrajectoryError
+from leg_dynamics.errors import LegDynamicsWarning, RowError, TrajectoryError
 
 __all__ = ["from_csv"]
 
 MIN_SAMPLES = 6
 """A quintic spline needs six samples; fewer would make its accelerations an invention."""
 
+MAX_BYTES = 200_000_000
+"""A larger file is hardly a motion, and would fill the memory."""
+
+MAX_TIME = 1e12
+"""s; the largest magnitude of a time."""
+
+MIN_STEP = 1e-12
+"""s; the smallest time from one sample to the next."""
+
+MAX_COORDINATE = 1e9
+"""rad or m; the sine of a larger angle has hardly a digit left."""
+
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _NON_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_RESULT = re.compile(r"(v|a|tau|foot|foot_force)_.+")
 _HEADER = re.compile(r"(?P<name>[^\[\]]*?)\s*(\[(?P<unit>[^\[\]]*)\])?")
 
 
@@ -48,6 +63,9 @@ def from_csv(path: str | Path, leg: _Leg, *, limits: str = "error") -> Trajector
     inverse kinematics. Times are seconds and strictly increasing, not necessarily even; angles are radians only.
     A name may carry its unit, as in ``alpha [rad]``. Columns may stand in any order, separated by commas, semicolons
     or tabs; decimals have a point. Text is UTF-8, with or without a byte order mark, with any line ending.
+
+    The table that ``leg-dynamics torque --output`` writes can be read too: its coordinates (``q_`` and the joint name)
+    count, its other columns are passed over with a `LegDynamicsWarning`.
 
     Rates and accelerations are those of the quintic spline through the coordinates (not-a-knot ends).
 
@@ -78,7 +96,8 @@ def from_csv(path: str | Path, leg: _Leg, *, limits: str = "error") -> Trajector
     cells, lines = _read_cells(path)
     names = list(leg.joint_names)
     kind, order = _match_header(path, lines[0], cells[0], names, list(leg.units.joints))
-    table = _numeric_rows(path, cells, lines)[:, order]
+    table = _numeric_rows(path, cells, lines, order)
+    _check_range(path, lines, [cells[0][column] for column in order], table)
     time = table[:, 0]
     late = np.flatnonzero(np.diff(time) <= 0.0)
     if late.size:
@@ -87,6 +106,15 @@ def from_csv(path: str | Path, leg: _Leg, *, limits: str = "error") -> Trajector
             path,
             lines[row + 1],
             f"time must increase, but {time[row]:.17g} s follows {time[row - 1]:.17g} s; sort the rows",
+        )
+    close = np.flatnonzero(np.diff(time) < MIN_STEP)
+    if close.size:
+        row = int(close[0]) + 1
+        _refuse(
+            path,
+            lines[row + 1],
+            f"the step of {time[row] - time[row - 1]:.3g} s from the row before is shorter than {MIN_STEP:g} s; "
+            "times are in seconds",
         )
     if len(table) < MIN_SAMPLES:
         _refuse(
@@ -118,7 +146,15 @@ def _refuse(path: Path, line: int | None, reason: str) -> NoReturn:
 def _read_cells(path: Path) -> tuple[list[list[str]], list[int]]:
     """Cells of each row that is not blank, and its line; the header is the first."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        status = path.stat()
+        # A pipe or a device may never end, and opening it may wait for ever; a folder says so itself.
+        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+            _refuse(path, None, "this is not a regular file; save the table into one")
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1) if status.st_size <= MAX_BYTES else None
+        if content is None or len(content) > MAX_BYTES:
+            _refuse(path, None, f"the file is larger than {MAX_BYTES / 1e6:g} MB; split it or thin out the samples")
+        text = content.decode("utf-8-sig")
     except OSError as error:
         _refuse(path, None, f"the file cannot be read: {error.strerror or error}")
     except UnicodeDecodeError as error:
@@ -144,7 +180,7 @@ def _read_cells(path: Path) -> tuple[list[list[str]], list[int]]:
     return cells, [number for number, _ in physical]
 
 
-def _numeric_rows(path: Path, cells: list[list[str]], lines: list[int]) -> NDArray[np.float64]:
+def _numeric_rows(path: Path, cells: list[list[str]], lines: list[int], order: list[int]) -> NDArray[np.float64]:
     header = cells[0]
     if len(cells) == 1:
         _refuse(path, lines[0], f"there is a header but no row under it; at least {MIN_SAMPLES} are needed")
@@ -152,8 +188,21 @@ def _numeric_rows(path: Path, cells: list[list[str]], lines: list[int]) -> NDArr
     for line, row in zip(lines[1:], cells[1:], strict=True):
         if len(row) != len(header):
             _refuse(path, line, f"{len(row)} values under {len(header)} column names")
-        rows.append([_number(path, line, name, cell) for name, cell in zip(header, row, strict=True)])
+        rows.append([_number(path, line, header[column], row[column]) for column in order])
     return np.array(rows, dtype=float)
+
+
+def _check_range(path: Path, lines: list[int], columns: list[str], table: NDArray[np.float64]) -> None:
+    """Refuse magnitudes whose differences or derivatives could overflow."""
+    limits = np.array([MAX_TIME] + [MAX_COORDINATE] * (len(columns) - 1))
+    wild = np.argwhere(np.abs(table) > limits)
+    if wild.size:
+        row, k = wild[0]
+        _refuse(
+            path,
+            lines[int(row) + 1],
+            f"{columns[k]} = {table[row, k]:g} is out of range: its magnitude may be {limits[k]:g} at most",
+        )
 
 
 def _number(path: Path, line: int, column: str, cell: str) -> float:
@@ -178,6 +227,7 @@ def _match_header(
     aliases.update({f"q{i + 1}": i + 1 for i in range(n)})
     aliases.update({name: i + 1 for i, name in enumerate(joint_names)})
     foot = {"t": 0, "time": 0, "x": 1, "y": 2, "z": 3}
+    own = {f"q_{name}": i + 1 for i, name in enumerate(joint_names)}
     matches = [_HEADER.fullmatch(cell) for cell in header]
     names = [cell if match is None else match["name"] for cell, match in zip(header, matches, strict=True)]
     stated = [None if match is None else match["unit"] for match in matches]
@@ -185,7 +235,15 @@ def _match_header(
         f"the columns must be t and {', '.join(f'q{i + 1}' for i in range(n))} "
         f"(or {', '.join(joint_names)}), or t, x, y, z"
     )
-    if all(name in aliases for name in names):
+    passed_over: set[str] = set()
+    if all(name in names for name in own):
+        # The program's own table of results.
+        aliases = {"t": 0, "time": 0} | own
+        passed_over = {name for name in names if name not in aliases and _RESULT.fullmatch(name)}
+    else:
+        # A joint that is itself called q_... keeps its name.
+        aliases = own | aliases
+    if all(name in aliases or name in passed_over for name in names):
         kind, table, column_units = "joint", aliases, ["s", *units]
     elif all(name in foot for name in names):
         kind, table, column_units = "foot", foot, ["s", "m", "m", "m"]
@@ -193,8 +251,10 @@ def _match_header(
         unknown = next((name for name in names if name not in aliases and name not in foot), None)
         reason = "joint and foot columns are mixed" if unknown is None else f"unknown column {unknown!r}"
         _refuse(path, line, f"{reason}; {expected}")
-    indices = [table[name] for name in names]
+    indices = [None if name in passed_over else table[name] for name in names]
     for position, index in enumerate(indices):
+        if index is None:
+            continue
         if index in indices[:position]:
             _refuse(path, line, f"column {names[position]!r} is given twice; {expected}")
         unit = stated[position]
@@ -208,6 +268,14 @@ def _match_header(
     if missing:
         wanted = ["t", *(joint_names if kind == "joint" else "xyz")]
         _refuse(path, line, f"column {wanted[missing[0]]!r} is missing; {expected}")
+    if passed_over:
+        shown = ", ".join(name for name in names if name in passed_over)
+        warnings.warn(
+            f"{path}:{line}: only times and coordinates are read, not {shown}; rates come from the coordinates, "
+            "and a force on the foot must be given anew",
+            LegDynamicsWarning,
+            stacklevel=3,
+        )
     return kind, [indices.index(i) for i in range(len(column_units))]
 
 
