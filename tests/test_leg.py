@@ -784,3 +784,73 @@ def test_passive_joints_that_rest_have_no_coulomb_friction_by_either_route():
         np.testing.assert_allclose(ours, theirs, atol=1e-11)
     still, alone = (formulas.torque(q, v, np.zeros(3)) for v in (np.zeros(3), [1.0, 0.0, 0.0]))
     assert np.abs(alone - still).max() > 0.1
+
+
+def test_foot_force_where_the_actuators_are_listed_in_another_order_than_the_joints():
+    text = shipped_urdf("omnileg").read_text(encoding="utf-8")
+    transmissions = re.findall(r"<transmission .*?</transmission>", text, re.DOTALL)
+    others = text.replace(transmissions[0], "").replace("</robot>", f"{transmissions[0]}</robot>")
+    legs = [geared("knee", "yaw", "pitch")]
+    legs += [ld.load("omnileg", urdf=others, route=route) for route in ("closed_form", "pinocchio")]
+    for leg in legs:
+        tau = leg.torque(Q, V, A, FORCE)
+        general = leg.generalized_force(Q, V, A, FORCE)
+        order = [2, 0, 1] if leg is legs[0] else [1, 2, 0]
+        np.testing.assert_allclose(tau, general[order], atol=1e-12)
+        np.testing.assert_allclose(leg.foot_force(Q, V, A, tau), FORCE, atol=1e-9)
+        batch = leg.foot_force(*(np.tile(row, (2, 1)) for row in (Q, V, A, tau)))
+        np.testing.assert_allclose(batch, [FORCE, FORCE], atol=1e-9)
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_joint_limits_leave_room_for_rounding_only(joint, side):
+    leg = ld.load("omnileg")
+    limit = (leg.limits.upper if side > 0.0 else leg.limits.lower)[joint]
+
+    def outside_by(excess):
+        q = Q.copy()
+        q[joint] = limit + side * excess
+        return compact_foot(q)
+
+    for excess in (1e-6, 1e-8):
+        with pytest.raises(JointLimitError) as caught:
+            leg.inverse_kinematics(outside_by(excess))
+        np.testing.assert_allclose(caught.value.margin, [-excess], rtol=1e-4)
+        assert caught.value.joint == leg.joint_names[joint]
+    found = leg.inverse_kinematics(outside_by(1e-11))
+    assert side * (found[joint] - limit) == pytest.approx(1e-11, rel=1e-2)  # accepted, not clipped
+
+
+@pytest.mark.parametrize("end", [1.0, -1.0], ids=["stretched", "folded"])
+def test_the_arccos_argument_leaves_room_for_rounding_only(end):
+    leg = ld.load("omnileg")
+
+    def beyond_by(excess):
+        return [0.0, 0.0, L1 + L5 + end * 2.0 * L4 * (1.0 + excess)]
+
+    found = leg.inverse_kinematics(beyond_by(5e-13), limits="ignore")
+    np.testing.assert_allclose(found, [0.0, 0.0, 0.0 if end > 0.0 else math.pi], rtol=0, atol=1e-15)
+    for excess in (2e-11, 4e-12):
+        with pytest.raises(OutOfReachError) as caught:
+            leg.inverse_kinematics(beyond_by(excess), limits="ignore")
+        np.testing.assert_allclose(caught.value.margin, [-2.0 * L4 * excess], rtol=1e-3)
+
+
+@pytest.mark.parametrize("which", ["rods", "shaft"])
+def test_the_least_usable_singularity_margin_is_a_millionth(which):
+    """D = e² where alpha = 90 deg and beta = 90 deg - e; cos²(b) = e² where alpha = 90 deg - e and beta = gamma = 0."""
+    leg = ld.load("omnileg")
+
+    def pose(margin):
+        e = math.sqrt(margin)
+        right = math.pi / 2.0
+        return [right, right - e, math.pi / 4.0] if which == "rods" else [right - e, 0.0, 0.0]
+
+    assert np.isfinite(leg.jacobian(pose(1.1e-6))).all()
+    for margin in (0.9e-6, 2e-9):
+        with pytest.raises(SingularityError) as caught:
+            leg.jacobian(pose(margin))
+        np.testing.assert_allclose(caught.value.margin, [margin], rtol=1e-5)
+    rows = np.isnan(leg.jacobian([pose(1.1e-6), pose(0.9e-6)], on_error="nan")).all(axis=(1, 2))
+    assert rows.tolist() == [False, True]

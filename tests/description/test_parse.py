@@ -574,3 +574,13 @@ def test_plain_foreign_files(name: str) -> None:
         warnings.simplefilter("ignore", LegDynamicsWarning)
         description = read(path)
     assert len(description.links) == len(description.joints) + 1 == path.read_text().count("<link ")
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-6])
+def test_the_triangle_inequality_is_kept_to_a_tenth_of_a_percent_and_less(scale: float) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parse(with_inertia(ixx=scale, iyy=scale, izz=2.0 * scale))
+    for excess in (1e-3, 1e-6):
+        with pytest.warns(LegDynamicsWarning, match="breaks the triangle inequality"):
+            parse(with_inertia(ixx=scale, iyy=scale, izz=2.0 * scale * (1.0 + excess)))

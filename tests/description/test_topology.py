@@ -16,6 +16,7 @@ from leg_dynamics.description import (
     joints_depth_first,
     parse,
 )
+from leg_dynamics.description.topology import split_independent
 from leg_dynamics.errors import DescriptionError, LegDynamicsWarning
 
 
@@ -138,3 +139,12 @@ def test_summary_does_not_warn() -> None:
         text = str(mechanism(*TREE, coupling("d", "gear")))
     assert "q_a; q_c; q_d (couplings decided on q_b)" in text
     assert "c (gear = 3 d)" in text
+
+
+def test_the_predecessors_joints_become_dependent_from_its_own_one_upwards() -> None:
+    names = "cef"
+    for count, demoted in enumerate((("q_b",), ("q_b", "q_d"), ("q_b", "q_d", "q_c")), 1):
+        pairs = (coupling("d", "gear", ratio, name) for ratio, name in enumerate(names[:count], 1))
+        independent, found = split_independent(mechanism(*TREE, *pairs))
+        assert found == demoted
+        assert independent == tuple(name for name in ("q_a", "q_b", "q_c", "q_d") if name not in demoted)
