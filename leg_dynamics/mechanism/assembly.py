@@ -33,6 +33,8 @@ SAME_POSE = 1e-6
 DISTINCT_POSE = 1e-3
 MULTI_START_ATTEMPTS = 60
 MULTI_START_POSES = 12
+# A descent that has not arrived after so many evaluations creeps along a valley that does not reach zero.
+MULTI_START_EVALUATIONS = 100
 
 
 def configuration_coordinates(mechanism: Mechanism, values: dict[str, float]) -> np.ndarray:
@@ -123,6 +125,16 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
 
 def _no_pose(mechanism: Mechanism, start: np.ndarray) -> AssemblyError:
     residual = float(np.linalg.norm(mechanism.evaluate(start).residual))
+    state = mechanism.correct(start, SEED_CORRECTION)
+    if state is not None:
+        return AssemblyError(
+            f"no regular closed pose of {mechanism.description.name!r} was found in {MULTI_START_ATTEMPTS} attempts: "
+            f"the given pose is closed (residual {state.residual:.3g}) but nearly singular, smallest pivot "
+            f"{state.smallest_pivot:.3g}, the least accepted is {REGULAR:g}: check that the dimensions fit each other, "
+            "or add a regular <configuration>",
+            residual=state.residual,
+            margin=state.smallest_pivot - REGULAR,
+        )
     return AssemblyError(
         f"no regular closed pose of {mechanism.description.name!r} was found in {MULTI_START_ATTEMPTS} attempts "
         f"(residual of the given pose {residual:.3g}): add a <configuration> that closes the loops",
@@ -155,6 +167,7 @@ def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) ->
             xtol=1e-14,
             ftol=1e-14,
             gtol=1e-14,
+            max_nfev=MULTI_START_EVALUATIONS,
         )
         if np.abs(solution.fun).max(initial=0.0) > 1e-6:
             continue

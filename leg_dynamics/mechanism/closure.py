@@ -264,6 +264,9 @@ class Closure:
         joint_jacobian : (6, nv) array
             World-frame joint Jacobian, linear part first.
         """
+        if joint_jacobian.ndim == 1:
+            # The bindings drop the column axis of a single joint.
+            joint_jacobian = joint_jacobian.reshape(6, 1)
         loops = self.loop_rows
         vectors = frames.take(self.vectors, 0)
         direction, arm, origin = vectors[:loops], vectors[loops : 2 * loops], vectors[2 * loops : 3 * loops]
@@ -314,6 +317,8 @@ class Closure:
         k = np.zeros(self.rows)
         if not self.loops:
             return k
+        if joint_jacobian.ndim == 1:
+            joint_jacobian, joint_jacobian_rate = joint_jacobian.reshape(6, 1), joint_jacobian_rate.reshape(6, 1)
         count = len(self.loops)
         sides = self.loop_sides * velocity
         twists = sides[: 2 * count].dot(joint_jacobian.T)

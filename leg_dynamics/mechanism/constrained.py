@@ -15,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
 
-from leg_dynamics.errors import SingularityError, UnsupportedError
+from leg_dynamics.errors import NonFiniteError, SingularityError, UnsupportedError
 from leg_dynamics.mechanism.mechanism import ClosedState, Mechanism
+from leg_dynamics.mechanism.tree import create_data
 
 __all__ = ["ConstrainedDynamics"]
 
@@ -31,6 +32,8 @@ EIGENVALUE_SHARE = 1e-9
 # Tree accelerations must keep the loops closed to this share of the largest.
 CLOSED_SHARE = 1e-6
 COUPLING_RANK = 1e-7
+# The algorithms square speeds: beyond this, no result is finite.
+LARGEST_SPEED = 1e150
 
 Algorithm = Literal["constraintDynamics", "lcaba"]
 
@@ -40,9 +43,9 @@ class _Workspace(threading.local):
 
     def __init__(self, model: pin.Model, constraints: pin.StdVec_RigidConstraintModel) -> None:
         self.model = model.copy()
-        self.data = self.model.createData()
+        self.data = create_data(self.model)
         self.constraint_data = self._constraint_data(constraints)
-        self.lcaba_data = self.model.createData()
+        self.lcaba_data = create_data(self.model)
         self.lcaba_constraint_data = self._constraint_data(constraints)
         if len(constraints):
             # Without these calls the algorithms read unallocated memory.
@@ -166,6 +169,8 @@ class ConstrainedDynamics:
 
         Raises
         ------
+        NonFiniteError
+            Speeds or efforts are too large to compute with.
         SingularityError
             The algorithm returns no finite acceleration, or none that keeps the loops closed.
         UnsupportedError
@@ -186,6 +191,11 @@ class ConstrainedDynamics:
         if foot_force is not None:
             mechanism.place(state)
             effort += mechanism.tree_foot_jacobian().T @ (mechanism.hip_rotation @ foot_force)
+        if not max(float(np.abs(qd).max()), float(np.sqrt(np.abs(effort).max()))) <= LARGEST_SPEED:
+            raise NonFiniteError(
+                f"the accelerations at {mechanism.pose_text(state.y)} are too large for a float: check the units of v, "
+                "tau and foot_force"
+            )
         settings = self._settings(state, q)
         if settings is None:
             raise self._no_acceleration(algorithm, state)

@@ -22,10 +22,12 @@ from leg_dynamics.errors import (
     AssemblyError,
     DescriptionError,
     MissingFootError,
+    NonFiniteError,
     SingularityError,
 )
+from leg_dynamics.leg import STANDSTILL
 from leg_dynamics.mechanism.closure import Closure, ClosureRows
-from leg_dynamics.mechanism.tree import STANDARD_GRAVITY, FrameMemory, Tree
+from leg_dynamics.mechanism.tree import STANDARD_GRAVITY, FrameMemory, Tree, create_data
 
 __all__ = ["ClosedState", "LoopForces", "Mechanism"]
 
@@ -46,8 +48,6 @@ SAFE_CORRECTION = 0.01
 RANK_TOLERANCE = 1e-9
 # At a dead centre G grows like 1/sigma, at a bifurcation it does not: their product tells them apart.
 DEAD_CENTRE = 0.03
-# A joint speed below this share of its terms is their rounding, not a motion that friction opposes.
-STANDSTILL = 1e-13
 # Pivots of the mass matrix with unit diagonal: below this a motion has no mass of its own.
 SMALLEST_MASS = 1e-13
 
@@ -104,7 +104,7 @@ class _Workspace(threading.local):
 
     def __init__(self, tree: Tree) -> None:
         self.model = tree.model.copy()
-        self.data = self.model.createData()
+        self.data = create_data(self.model)
         self.memory = FrameMemory(self.model, self.data)
         self.last: ClosedState | None = None
 
@@ -328,7 +328,8 @@ class Mechanism:
         for _ in range(NEWTON_ITERATIONS):
             rows = self.evaluate(q)
             state = self._state(q, rows)
-            if state.residual <= RESIDUAL_TARGET or previous <= STEP_TOLERANCE:
+            # Without dependent joints there is nothing to move: the residual decides.
+            if state.residual <= RESIDUAL_TARGET or previous <= STEP_TOLERANCE or not len(self.dependent):
                 break
             # At a singular pose the step is infinite or NaN, and refused.
             step = self._solve(state, -rows.residual.reshape(-1, 1)).ravel()
@@ -562,7 +563,9 @@ class Mechanism:
     def tree_foot_jacobian(self) -> np.ndarray:
         """Foot velocity in world axes per tree velocity, (3, nv), at the pose of the last `place`."""
         work = self._workspace
-        return pin.getFrameJacobian(work.model, work.data, self._need_foot(), pin.LOCAL_WORLD_ALIGNED)[:3]
+        jacobian = pin.getFrameJacobian(work.model, work.data, self._need_foot(), pin.LOCAL_WORLD_ALIGNED)
+        # The bindings drop the column axis of a single joint.
+        return jacobian[:3] if jacobian.ndim == 2 else jacobian[:3].reshape(3, 1)
 
     def foot_jacobian(self, state: ClosedState) -> np.ndarray:
         """Foot Jacobian in the hip frame: velocity = J yd, shape (3, n)."""
@@ -577,8 +580,8 @@ class Mechanism:
         g = self.bias_acceleration(state, qd)
         work = self._workspace
         pin.updateFramePlacements(work.model, work.data)
-        rate = pin.getFrameJacobianTimeVariation(work.model, work.data, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
-        return self.hip_rotation.T @ (rate @ qd + self.tree_foot_jacobian() @ g)
+        rate = pin.getFrameJacobianTimeVariation(work.model, work.data, frame, pin.LOCAL_WORLD_ALIGNED)
+        return self.hip_rotation.T @ (rate.reshape((6, self.nv))[:3] @ qd + self.tree_foot_jacobian() @ g)
 
     def foot_jacobian_derivative(self, state: ClosedState, v: np.ndarray) -> np.ndarray:
         """Time derivative of the foot Jacobian along v, shape (3, n).
@@ -602,9 +605,10 @@ class Mechanism:
     def joint_friction(self, state: ClosedState, v: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Damping and Coulomb friction of the tree joints, opposing qd = G v, shape (nv,), N·m or N.
 
-        A joint at rest has no Coulomb friction; whether it rests is decided above the rounding of G v.
+        A joint slower than `STANDSTILL` of the independent speeds together rests, and has no Coulomb friction; lengths
+        count relative to the mechanism's.
         """
-        moves = np.abs(qd) > STANDSTILL * (np.abs(state.G) @ np.abs(v))
+        moves = np.abs(qd / self.closure.coordinate_unit) > STANDSTILL * np.abs(v / self._unit).sum()
         return self.damping * qd + self.friction * np.where(moves, np.sign(qd), 0.0)
 
     def tree_torque(
@@ -717,7 +721,7 @@ class Mechanism:
             result = pin.aba(work.model, work.data, configuration, state.G @ v, effort)
             if gravity is not None:
                 self._set_gravity(None)
-            if not np.isfinite(result).all():
+            if not np.isfinite(result).all() and not self._overflows(state):
                 raise self._massless(state, 0.0)
             return result[self.independent]
         drive = tau if self.directly_actuated else state.G[self.actuated].T @ tau
@@ -725,14 +729,23 @@ class Mechanism:
         mass = self.mass_matrix(state)
         # With unit diagonal the pivots of the Cholesky factor are free of units.
         scale = np.sqrt(np.diagonal(mass))
-        if not scale.min() > 0.0:
-            raise self._massless(state, 0.0)
-        factor, info = lapack.dpotrf(mass / np.outer(scale, scale), lower=1)
-        pivot = 0.0 if info else float(np.diagonal(factor).min()) ** 2
+        pivot = 0.0
+        if scale.min() > 0.0:
+            factor, info = lapack.dpotrf(mass / np.outer(scale, scale), lower=1)
+            pivot = 0.0 if info else float(np.diagonal(factor).min()) ** 2
         if not pivot > SMALLEST_MASS:
+            if not np.isfinite(mass).all():
+                return np.full(self.n, np.nan)
             raise self._massless(state, pivot)
         solution, _ = lapack.dpotrs(factor, force / scale, lower=1)
         return solution.ravel() / scale
+
+    def _overflows(self, state: ClosedState) -> bool:
+        """Whether an infinite acceleration of the open chain is too large a number, not a motion without mass."""
+        work = self._workspace
+        rest = np.zeros(self.nv)
+        at_rest = pin.aba(work.model, work.data, self.tree.to_configuration(state.q), rest, rest)
+        return bool(np.isfinite(at_rest).all() or not np.isfinite(self.mass_matrix(state)).all())
 
     def _massless(self, state: ClosedState, pivot: float) -> SingularityError:
         return SingularityError(
@@ -758,6 +771,8 @@ class Mechanism:
         ------
         ActuationError, SingularityError
             The actuator efforts are not unique, so that the loop forces are not either.
+        NonFiniteError
+            The torques are too large for a float.
         """
         balance = self.tree_torque(state, v, a, gravity)
         generalized = state.G.T @ balance
@@ -767,6 +782,11 @@ class Mechanism:
             tree_force = self.tree_foot_jacobian().T @ world_force
             balance = balance - tree_force
             generalized = generalized - state.G.T @ tree_force
+        if not np.isfinite(balance).all():
+            raise NonFiniteError(
+                f"the loop forces at {self.pose_text(state.y)} are too large for a float: check the "
+                "units of the arguments"
+            )
         balance = balance.copy()
         balance[self.actuated] -= self.actuator_effort(state, generalized)
         K, unit = state.rows.jacobian, self.closure.coordinate_unit

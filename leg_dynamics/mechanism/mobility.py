@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from leg_dynamics.errors import AssemblyError, DescriptionError, LegDynamicsError, SingularityError
+from leg_dynamics.errors import AssemblyError, DescriptionError, LegDynamicsError, ShapeError, SingularityError
 
 if TYPE_CHECKING:
     from leg_dynamics.mechanism.mechanism import ClosedState, Mechanism
@@ -221,6 +221,12 @@ def wrong_independent(mechanism: Mechanism, start: np.ndarray) -> DescriptionErr
     return _flags_error(mechanism, generic)
 
 
+def _whole_number(name: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
+        raise ShapeError(f"{name} must be a whole number, at least 0, got {value!r}", argument=name)
+    return int(value)
+
+
 def mobility_report(mechanism: Mechanism, samples: int = 20, seed: int = 0) -> MobilityReport:
     """Ranks at the file's configurations and at random closed poses inside the joint limits.
 
@@ -230,16 +236,20 @@ def mobility_report(mechanism: Mechanism, samples: int = 20, seed: int = 0) -> M
     ----------
     mechanism : Mechanism
     samples : int
-        Number of random poses.
+        Number of random poses, at least 0.
     seed : int
+        At least 0.
 
     Raises
     ------
+    ShapeError
+        `samples` or `seed` is not such a number.
     AssemblyError
         No pose can be closed at all.
     """
     from leg_dynamics.mechanism.assembly import configuration_coordinates
 
+    samples, seed = _whole_number("samples", samples), _whole_number("seed", seed)
     poses = []
     for configuration in mechanism.description.configurations:
         q: np.ndarray | None = configuration_coordinates(mechanism, dict(configuration.values))

@@ -23,7 +23,9 @@ REACH_ACCEPTED = 4e-9
 REACH_ITERATIONS = 100
 LARGEST_JOINT_STEP = 0.2
 # Other starting poses where the descent from the configuration gets stuck.
-RESTARTS = 16
+RESTARTS = 6
+# Steps in a row that may fail before a descent counts as stuck.
+REJECTIONS = 12
 
 
 class PinocchioRoute:
@@ -44,21 +46,26 @@ class PinocchioRoute:
     def _rows(
         self, function: Row, shape: tuple[int, ...], q: np.ndarray, others: tuple[Any, ...], failures: RowFailures
     ) -> np.ndarray:
-        """Apply a method of `Mechanism` to the closed state of every row; failing rows stay NaN."""
-        if q.ndim == 1:
-            try:
-                return function(self.mechanism.close(q), *others)
-            except RowError as error:
-                failures.add(0, error)
-                return np.full(shape, np.nan)
-        result = np.full((len(q), *shape), np.nan)
-        for row in range(len(q)):
-            try:
-                state = self.mechanism.close(q[row])
-                result[row] = function(state, *(None if other is None else other[row] for other in others))
-            except RowError as error:
-                failures.add(row, error)
-        return result
+        """Apply a method of `Mechanism` to the closed state of every row; failing rows stay NaN.
+
+        Rows that overflow have results that are not finite.
+        """
+        # An overflow shows in the result; the warning would not say which row.
+        with np.errstate(over="ignore", invalid="ignore"):
+            if q.ndim == 1:
+                try:
+                    return function(self.mechanism.close(q), *others)
+                except RowError as error:
+                    failures.add(0, error)
+                    return np.full(shape, np.nan)
+            result = np.full((len(q), *shape), np.nan)
+            for row in range(len(q)):
+                try:
+                    state = self.mechanism.close(q[row])
+                    result[row] = function(state, *(None if other is None else other[row] for other in others))
+                except RowError as error:
+                    failures.add(row, error)
+            return result
 
     def tree_coordinates(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Closed tree coordinates, (..., nv)."""
@@ -144,7 +151,8 @@ class PinocchioRoute:
         gravity: np.ndarray | None = None,
     ) -> LoopForces:
         """Minimum-norm forces in the cut loop joints of one sample."""
-        return self.mechanism.loop_forces(self.mechanism.close(q), v, a, foot_force, gravity)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self.mechanism.loop_forces(self.mechanism.close(q), v, a, foot_force, gravity)
 
     def mobility_report(self, samples: int = 20, seed: int = 0) -> MobilityReport:
         """Gruebler count against the rank of the loop rows."""
@@ -230,11 +238,11 @@ class PinocchioRoute:
             y = self._leave_singular(y)
             state = mechanism.close(y)
         error = p - mechanism.foot_position(state)
-        damping = 1e-6
+        damping, rejected = 1e-6, 0
         for _ in range(REACH_ITERATIONS):
             J = mechanism.foot_jacobian(state)
             distance = float(np.linalg.norm(error))
-            if distance < REACH_TOLERANCE * length:
+            if distance < REACH_TOLERANCE * length or rejected == REJECTIONS:
                 break
             normal = J @ J.T + damping * float(np.trace(J @ J.T)) * np.eye(3)
             step = J.T @ np.linalg.solve(normal, error)
@@ -246,15 +254,15 @@ class PinocchioRoute:
             try:
                 candidate = mechanism.close(y + step)
             except (AssemblyError, SingularityError):
-                damping = min(10.0 * damping, 1e3)
+                damping, rejected = min(10.0 * damping, 1e3), rejected + 1
                 continue
             new_error = p - mechanism.foot_position(candidate)
             if float(np.linalg.norm(new_error)) < distance:
-                y, state, error, damping = y + step, candidate, new_error, max(0.1 * damping, 1e-15)
+                y, state, error, damping, rejected = y + step, candidate, new_error, max(0.1 * damping, 1e-15), 0
             elif distance < 0.1 * REACH_ACCEPTED * length and largest < 1e-8:
                 break
             else:
-                damping = min(10.0 * damping, 1e6)
+                damping, rejected = min(10.0 * damping, 1e6), rejected + 1
         return float(np.linalg.norm(error)), y
 
     def _leave_singular(self, y: np.ndarray) -> np.ndarray:

@@ -2,21 +2,105 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
-from leg_dynamics.description.model import Description, Pose
+from leg_dynamics.description.model import Description, Joint, Pose
 from leg_dynamics.errors import DescriptionError, UnsupportedError
 
-__all__ = ["FrameMemory", "Tree"]
+__all__ = ["FrameMemory", "Tree", "create_data", "tree_urdf"]
 
 STANDARD_GRAVITY = 9.81
+# What stands for an infinite limit: URDF readers want finite numbers.
+UNLIMITED = 1e100
+# pinocchio's data holds arrays of third derivatives, about eight of nv x nv x nv numbers.
+DATA_BYTES = 64
+MOST_DATA_BYTES = 4 << 30
 
 
 def _se3(pose: Pose) -> pin.SE3:
     return pin.SE3(pose.rotation(), np.array(pose.xyz))
+
+
+def _finite(value: float) -> str:
+    return repr(min(max(value, -UNLIMITED), UNLIMITED))
+
+
+def _complete_joint(element: ElementTree.Element, joint: Joint) -> None:
+    axis = element.find("axis")
+    if axis is not None and "xyz" not in axis.attrib:
+        element.remove(axis)
+    for tag in ("limit", "dynamics", "mimic", "calibration", "safety_controller"):
+        for child in element.findall(tag):
+            element.remove(child)
+    bounds = {name: _finite(getattr(joint.limits, name)) for name in ("lower", "upper", "effort", "velocity")}
+    ElementTree.SubElement(element, "limit", bounds)
+    ElementTree.SubElement(element, "dynamics", damping=_finite(joint.damping), friction=_finite(joint.friction))
+
+
+def _complete_link(element: ElementTree.Element) -> None:
+    for tag in ("visual", "collision"):
+        for child in element.findall(tag):
+            element.remove(child)
+    for inertia in element.findall("inertial/inertia"):
+        for product in ("ixy", "ixz", "iyz"):
+            inertia.attrib.setdefault(product, "0")
+
+
+def tree_urdf(description: Description) -> str:
+    """Links and joints of the file as strict URDF, for readers that refuse what URDF+ may leave out.
+
+    Limits, damping and friction are complete, infinite limits large numbers, products of inertia stated. Loops,
+    couplings, mimicry and shapes are left out: pinocchio's tree has no use for them.
+
+    Raises
+    ------
+    DescriptionError
+        The text is not XML.
+    """
+    try:
+        source = ElementTree.fromstring(description.urdf)
+    except ElementTree.ParseError as error:
+        raise DescriptionError(f"pinocchio cannot read the tree: {error}", file=description.file) from error
+    joints = {joint.name: joint for joint in description.joints}
+    # Without the version: only the loops' dialect has other ones.
+    root = ElementTree.Element("robot", name=description.name)
+    for element in source:
+        if element.tag == "link":
+            _complete_link(element)
+        elif element.tag != "joint":
+            continue
+        elif (joint := joints.get(element.attrib.get("name", ""))) is not None and joint.type != "fixed":
+            _complete_joint(element, joint)
+        root.append(element)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def create_data(model: pin.Model) -> pin.Data:
+    """pinocchio's working memory for a model.
+
+    Raises
+    ------
+    UnsupportedError
+        The model has so many joints that the memory, which grows with their third power, is out of reach.
+    """
+    needed = DATA_BYTES * model.nv**3
+    most = math.floor((MOST_DATA_BYTES / DATA_BYTES) ** (1 / 3))
+    if needed <= MOST_DATA_BYTES:
+        try:
+            return model.createData()
+        except MemoryError:
+            pass
+    raise UnsupportedError(
+        f"{model.nv} tree joints are too many: pinocchio would need {needed / 2**30:.3g} GiB for each thread, the "
+        f"limit is {MOST_DATA_BYTES / 2**30:.3g} GiB, about {most} joints; "
+        "fix joints that need not move, or model a part of the mechanism",
+        joints=model.nv,
+    )
 
 
 @dataclass(frozen=True)
@@ -60,11 +144,10 @@ class Tree:
                     joint=joint.name,
                 )
         try:
-            model = pin.buildModelFromXML(description.urdf)
+            model = pin.buildModelFromXML(tree_urdf(description))
         except (ValueError, RuntimeError) as error:
             raise DescriptionError(
-                f"pinocchio cannot read the tree: {error} (revolute and prismatic joints need a <limit> with effort "
-                "and velocity, a body's <inertial> its mass and inertia)",
+                f"pinocchio cannot read the tree: {error} (a body's <inertial> needs its mass and inertia)",
                 file=description.file,
             ) from error
         names = tuple(model.names[1:])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from leg_dynamics.description import parse
-from leg_dynamics.errors import SingularityError, UnsupportedError
+from leg_dynamics.errors import NonFiniteError, SingularityError, UnsupportedError
 from leg_dynamics.mechanism.constrained import ConstrainedDynamics
 from leg_dynamics.mechanism.mechanism import Mechanism
 
@@ -131,3 +131,12 @@ def test_several_threads_share_one_object(omnileg, omnileg_box):
     with ThreadPoolExecutor(4) as pool:
         together = list(pool.map(solve, states))
     np.testing.assert_allclose(together, alone, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("v", "tau"), [(1e200, 0.0), (0.0, 1e308)])
+def test_overflow_is_not_called_a_singularity(omnileg, v, tau):
+    state = omnileg.close(np.array([0.1, 0.2, 0.3]))
+    solver = ConstrainedDynamics(omnileg)
+    with pytest.raises(NonFiniteError, match="too large"):
+        solver.acceleration(state, np.full(3, v), np.full(3, tau))
+    assert np.isfinite(solver.acceleration(state, np.full(3, min(v, 1.0)), np.full(3, min(tau, 1.0)))).all()

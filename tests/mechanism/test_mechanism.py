@@ -15,6 +15,7 @@ from leg_dynamics.errors import (
     AssemblyError,
     DescriptionError,
     MissingFootError,
+    NonFiniteError,
     SingularityError,
 )
 from leg_dynamics.mechanism.mechanism import Mechanism
@@ -570,3 +571,66 @@ def test_a_state_of_closed_coordinates_is_the_closed_state_and_open_ones_are_ref
     with pytest.raises(AssemblyError, match="close them first") as caught:
         mechanism.state_of(open_pose)
     assert caught.value.residual > 1e-5
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
+def test_one_joint_is_a_pendulum_or_a_slide_computed_by_hand(lab, kind):
+    text = lab.Text("one").link("base", 0.0).point_mass("body", 2.0)
+    text.joint("turn", kind, "base", "body", (0, 1, 0)).joint("toe", "fixed", "body", "foot", xyz=(0.3, 0, 0.0), mass=0)
+    mechanism = Mechanism(parse(text.xml), "foot")
+    q, v, a = 0.4, np.array([0.7]), np.array([0.2])
+    state = mechanism.close(np.array([q]))
+    if kind == "prismatic":
+        position, column, rate = (0.3, q, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)
+    else:
+        c, s = math.cos(q), math.sin(q)
+        position, column, rate = (0.3 * c, 0.0, -0.3 * s), (-0.3 * s, 0.0, -0.3 * c), (-0.3 * c, 0.0, 0.3 * s)
+    inertia = 2.0 if kind == "prismatic" else 1e-3
+    np.testing.assert_allclose(mechanism.foot_position(state), position, atol=1e-15)
+    np.testing.assert_allclose(mechanism.foot_jacobian(state), np.reshape(column, (3, 1)), atol=1e-15)
+    expected = 0.7 * np.array(rate)
+    np.testing.assert_allclose(mechanism.foot_jacobian_derivative(state, v), expected[:, None], atol=1e-15)
+    np.testing.assert_allclose(mechanism.foot_bias_acceleration(state, v), 0.7 * expected, atol=1e-15)
+    np.testing.assert_allclose(mechanism.mass_matrix(state), [[inertia]], rtol=1e-12)
+    force = np.array([1.0, 2.0, 3.0])
+    effort = mechanism.generalized_force(state, v, a, force)
+    np.testing.assert_allclose(effort, inertia * a - np.dot(column, force), rtol=1e-12)
+    np.testing.assert_allclose(mechanism.acceleration(state, v, effort, force), a, rtol=1e-9)
+    assert mechanism.evaluate(np.array([q])).jacobian.shape == (0, 1)
+
+
+def one_joint_with_a_loop(lab, kind, offset):
+    text = lab.Text("ring").joint("turn", "continuous", "base", "body")
+    axis = None if kind == "fixed" else (0, 0, 1)
+    return Mechanism(
+        parse(text.loop("ring", kind, ("base", lab.ZERO, lab.ZERO), ("body", (offset, 0, 0), lab.ZERO), axis).xml)
+    )
+
+
+def test_a_loop_without_dependent_joints_is_closed_where_its_residual_says_so(lab):
+    state = one_joint_with_a_loop(lab, "revolute", 0.0).close(np.array([0.4]))
+    assert (state.q, state.G) == (0.4, 1.0)
+    mechanism = one_joint_with_a_loop(lab, "revolute", 0.0)
+    v = np.array([0.5])
+    np.testing.assert_array_equal(mechanism.bias_acceleration(state, v), [0.0])
+    with pytest.raises(AssemblyError, match="no regular closed pose"):
+        one_joint_with_a_loop(lab, "fixed", 5.0).close(np.array([0.0]))
+    with pytest.raises(DescriptionError, match="mobility is 0"):
+        one_joint_with_a_loop(lab, "fixed", 0.0).close(np.array([0.0]))
+
+
+def test_overflow_is_not_called_a_motion_without_mass(lab):
+    chain = Mechanism(parse(lab.open_chain().xml))
+    near, far = np.full(3, 0.3), np.full(3, 1e160)
+    with np.errstate(all="ignore"):
+        assert not np.isfinite(chain.acceleration(chain.close(near), np.full(3, 1e200), np.zeros(3))).any()
+        assert not np.isfinite(chain.acceleration(chain.close(far), np.zeros(3), np.zeros(3))).all()
+        damped = Mechanism(parse(lab.open_chain(damping=0.1).xml))
+        assert np.isnan(damped.acceleration(damped.close(far), np.zeros(3), np.zeros(3))).all()
+
+
+def test_loop_forces_of_an_overflow_are_named(omnileg):
+    state = omnileg.close(np.array([0.1, 0.2, 0.3]))
+    with np.errstate(all="ignore"), pytest.raises(NonFiniteError, match=r"loop forces at alpha = 0\.1.*too large"):
+        omnileg.loop_forces(state, np.full(3, 1e200), np.zeros(3))
+    assert omnileg.loop_forces(state, np.full(3, 1e3), np.zeros(3)).imbalance < 1e-3

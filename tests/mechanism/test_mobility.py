@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from leg_dynamics.description import parse
-from leg_dynamics.errors import AssemblyError, DescriptionError, SingularityError
+from leg_dynamics.errors import AssemblyError, DescriptionError, ShapeError, SingularityError
 from leg_dynamics.mechanism.mechanism import Mechanism
 from leg_dynamics.mechanism.mobility import mobility_report, pose_rank, project
 
@@ -213,3 +213,19 @@ def test_ranks_do_not_depend_on_the_mechanisms_size(lab, scale):
     rank = pose_rank(mechanism, mechanism.seeds[0].q, "home")
     assert (rank.rank, rank.mobility) == (2, 1)
     assert rank.gap[0] > 1e-2
+
+
+@pytest.mark.parametrize("name", ["samples", "seed"])
+@pytest.mark.parametrize("value", ["x", -1, 1.5, None, True])
+def test_samples_and_seed_must_be_whole_numbers(lab, name, value):
+    mechanism = Mechanism(parse(lab.open_chain().xml))
+    with pytest.raises(ShapeError, match=f"{name} must be a whole number"):
+        mobility_report(mechanism, **{name: value})
+    assert mobility_report(mechanism, **{name: np.int64(1)}).mobility == 3
+
+
+def test_a_single_joint_whose_loop_cannot_close_has_no_report(lab):
+    text = lab.Text("stiff").joint("turn", "continuous", "base", "body")
+    text.loop("weld", "fixed", ("base", lab.ZERO, lab.ZERO), ("body", (5, 0, 0), lab.ZERO), None)
+    with pytest.raises(AssemblyError, match="no regular closed pose"):
+        mobility_report(Mechanism(parse(text.xml)))

@@ -14,10 +14,12 @@ from leg_dynamics.errors import (
     AssemblyError,
     DescriptionError,
     LegDynamicsWarning,
+    NonFiniteError,
     OutOfReachError,
     RowFailures,
     SingularityError,
 )
+from leg_dynamics.mechanism.mechanism import Mechanism
 from leg_dynamics.mechanism.route import PinocchioRoute
 
 
@@ -247,3 +249,46 @@ def test_inverse_kinematics_reaches_the_corners_where_a_straight_descent_folds_t
     corners = np.radians([(a, b, 85.0) for a in (-65, 65) for b in (-65, 65)])
     leg = ld.load("omnileg", route="pinocchio")
     np.testing.assert_allclose(leg.inverse_kinematics(leg.foot_position(corners)), corners, atol=1e-9)
+
+
+@pytest.mark.parametrize(("v", "a"), [(1e200, 0.0), (0.0, 1e308)])
+def test_overflow_stays_in_its_row_and_warns_of_nothing(leg, omnileg_description, v, a):
+    route = PinocchioRoute(omnileg_description, "foot", "hip")
+    q = np.full((2, 3), 0.2)
+    speed, acceleration = np.array([[1.0] * 3, [v] * 3]), np.array([[1.0] * 3, [a] * 3])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        failures = RowFailures()
+        torque = route.torque(q, speed, acceleration, None, None, failures)
+        assert not failures
+        single = route.torque(q[1], speed[1], acceleration[1], None, None, failures)
+        with pytest.raises(NonFiniteError):
+            leg.torque(q, speed, acceleration)
+        with pytest.raises(NonFiniteError):
+            leg.loop_forces(q[1], speed[1], acceleration[1])
+    assert np.isfinite(torque[0]).all()
+    assert not np.isfinite(torque[1]).all()
+    assert not np.isfinite(single).all()
+
+
+def test_inverse_kinematics_of_one_joint(lab):
+    text = lab.Text("one").joint("turn", "revolute", "base", "body", (0, 1, 0))
+    route = route_of(text.joint("toe", "fixed", "body", "foot", xyz=(0.3, 0, 0)), "foot")
+    reached = route.inverse_kinematics(0.3 * np.array([math.cos(0.4), 0.0, -math.sin(0.4)]), "home", RowFailures())
+    assert reached == pytest.approx([0.4], abs=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore::leg_dynamics.errors.LegDynamicsWarning")
+def test_a_closed_home_of_impossible_proportions_is_named_soon(monkeypatch):
+    evaluations = 0
+    plain = Mechanism.evaluate
+
+    def counted(mechanism, q):
+        nonlocal evaluations
+        evaluations += 1
+        return plain(mechanism, q)
+
+    monkeypatch.setattr(Mechanism, "evaluate", counted)
+    with pytest.raises(AssemblyError, match=r"given pose is closed .* nearly singular, smallest pivot 3\.\d+e-11"):
+        ld.load("omnileg", route="pinocchio").replace(L1=1e9).torque(np.full(3, 0.1), np.zeros(3), np.zeros(3))
+    assert evaluations < 60 * 2 * 100 + 2000

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -8,7 +9,9 @@ import pytest
 
 from leg_dynamics.description import link_transforms, parse
 from leg_dynamics.errors import DescriptionError, UnsupportedError
-from leg_dynamics.mechanism.tree import FrameMemory, Tree
+from leg_dynamics.mechanism import tree as tree_module
+from leg_dynamics.mechanism.mechanism import Mechanism
+from leg_dynamics.mechanism.tree import UNLIMITED, FrameMemory, Tree, create_data, tree_urdf
 
 
 @pytest.fixture
@@ -106,3 +109,66 @@ def test_a_tree_that_pinocchio_reads_differently_is_refused(lab):
         Tree.from_description(other)
     with pytest.raises(DescriptionError, match="pinocchio cannot read"):
         Tree.from_description(dataclasses.replace(description, urdf="<robot"))
+
+
+LENIENT = """<robot name="lenient" version="1.1">
+<link name="base"/>
+<link name="arm"><visual><geometry><box size="1 1 1"/></geometry></visual>
+ <inertial><mass value="1"/><inertia ixx="1" iyy="2" izz="2.5"/></inertial></link>
+<link name="slide"/><link name="wheel"/>
+<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><dynamics/></joint>
+<joint name="push" type="prismatic"><parent link="arm"/><child link="slide"/><axis/><limit lower="-1" upper="2"/>
+</joint>
+<joint name="spin" type="continuous"><parent link="arm"/><child link="wheel"/><axis xyz="0 0 1"/><limit effort="3"/>
+ <dynamics friction="0.5"/></joint>
+</robot>"""
+
+
+def test_what_urdf_may_leave_out_is_filled_in_for_pinocchio():
+    description = parse(LENIENT)
+    model = Tree.from_description(description).model
+    index = {name: model.joints[model.getJointId(name)].idx_q for name in ("turn", "push")}
+    assert model.lowerPositionLimit[index["turn"]] == -UNLIMITED
+    assert model.upperPositionLimit[index["turn"]] == UNLIMITED
+    assert (model.lowerPositionLimit[index["push"]], model.upperPositionLimit[index["push"]]) == (-1.0, 2.0)
+    root = ElementTree.fromstring(tree_urdf(description))
+    spin = root.find("joint[@name='spin']")
+    assert [float(spin.find("limit").get(name)) for name in ("effort", "velocity")] == [3.0, UNLIMITED]
+    assert [float(spin.find("dynamics").get(name)) for name in ("damping", "friction")] == [0.0, 0.5]
+    np.testing.assert_array_equal(model.inertias[model.getJointId("turn")].inertia, np.diag([1.0, 2.0, 2.5]))
+
+
+def test_the_completed_text_is_the_same_tree(omnileg_description):
+    completed = pin.buildModelFromXML(tree_urdf(omnileg_description))
+    given = pin.buildModelFromXML(omnileg_description.urdf)
+    assert list(completed.names) == list(given.names)
+    for one, other in zip(completed.inertias, given.inertias, strict=True):
+        assert one == other
+    for one, other in zip(completed.jointPlacements, given.jointPlacements, strict=True):
+        assert one == other
+
+
+def test_working_memory_is_refused_where_it_would_not_fit(lab, monkeypatch):
+    model = Tree.from_description(parse(lab.open_chain().xml)).model
+    assert create_data(model).J.shape == (6, 3)
+    with monkeypatch.context() as patch:
+        patch.setattr(tree_module, "MOST_DATA_BYTES", tree_module.DATA_BYTES * 27 - 1)
+        with pytest.raises(UnsupportedError, match="3 tree joints are too many"):
+            create_data(model)
+
+    class Exhausted:
+        nv = 3
+
+        def createData(self):
+            raise MemoryError
+
+    with pytest.raises(UnsupportedError, match="3 tree joints are too many"):
+        create_data(Exhausted())
+
+
+def test_a_chain_of_three_thousand_joints_is_a_named_error(lab):
+    text = lab.Text("chain").link("l0", 0.0)
+    for number in range(3000):
+        text.joint(f"j{number}", "revolute", f"l{number}", f"l{number + 1}")
+    with pytest.raises(UnsupportedError, match=r"3000 tree joints are too many.*fix joints"):
+        Mechanism(parse(text.xml))
