@@ -33,9 +33,6 @@ __all__ = ["Leg", "Limits", "OnError", "Route", "Units"]
 
 OnError = Literal["raise", "nan"]
 
-# A joint slower than this share of the independent speeds together rests, and Coulomb friction does not act on it:
-# below lies the rounding of rates that cancel. Were the routes' shares different, so would be the friction.
-STANDSTILL = 1e-11
 # IK may return a joint at its limit, off by the rounding of its inverse.
 LIMIT_TOLERANCE = 1e-9
 

@@ -59,8 +59,8 @@ from leg_dynamics.closed_form.algebra import (
     where,
     where_domain,
 )
+from leg_dynamics.description.model import STANDSTILL
 from leg_dynamics.errors import RouteError
-from leg_dynamics.leg import STANDSTILL
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description

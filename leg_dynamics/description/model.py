@@ -34,6 +34,12 @@ __all__ = [
 
 Vector3 = tuple[float, float, float]
 
+STANDSTILL = 1e-11
+"""A joint slower than this share of the independent speeds together rests: no Coulomb friction acts on it.
+
+Below lies the rounding of rates that cancel. Were the routes' shares different, so would be the friction.
+"""
+
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 LOOP_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "spherical", "universal")
 

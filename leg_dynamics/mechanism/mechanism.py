@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import blas, lapack
 
-from leg_dynamics.description.model import Description
+from leg_dynamics.description.model import STANDSTILL, Description
 from leg_dynamics.description.topology import actuated_joints, independent_joints
 from leg_dynamics.errors import (
     ActuationError,
@@ -25,7 +25,6 @@ from leg_dynamics.errors import (
     NonFiniteError,
     SingularityError,
 )
-from leg_dynamics.leg import STANDSTILL
 from leg_dynamics.mechanism.closure import Closure, ClosureRows
 from leg_dynamics.mechanism.tree import STANDARD_GRAVITY, FrameMemory, Tree, create_data
 
