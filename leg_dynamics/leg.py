@@ -149,6 +149,17 @@ class Route(Protocol):
         ...
 
 
+class QuickRoute(Route, Protocol):
+    """A route whose methods are kernels that can be called on float64 arrays without any check before."""
+
+    def quick(self, name: str) -> Callable[..., np.ndarray | None]:
+        """Function of arrays that broadcast, for the method `name` or ``loaded_torque`` (with force and gravity).
+
+        It raises ValueError where a last axis does not fit, and returns None where a row failed.
+        """
+        ...
+
+
 def checked(name: str, value: ArrayLike, size: int) -> np.ndarray:
     """A float64 array whose last axis has `size` entries.
 
@@ -191,6 +202,14 @@ def checked(name: str, value: ArrayLike, size: int) -> np.ndarray:
     return array
 
 
+# Below that many numbers in q a call stays on one thread and needs no splitting.
+_QUICK_SIZE = 32768
+_FLOAT = np.dtype(np.float64)
+_ARRAY = np.ndarray
+_NO_FORCE = np.zeros(3)
+_NO_FORCE.setflags(write=False)
+
+
 class Leg:
     """A closed-loop leg: kinematics and dynamics in its independent coordinates.
 
@@ -209,6 +228,8 @@ class Leg:
         "_limits",
         "_m",
         "_n",
+        "_quick",
+        "_quick_torque",
         "_recipe",
         "_route",
         "_units",
@@ -224,6 +245,8 @@ class Leg:
     _actuator_names: tuple[str, ...]
     _units: Units
     _gravity: np.ndarray
+    _quick: dict[str, Callable[..., np.ndarray | None]]
+    _quick_torque: Callable[..., np.ndarray | None] | None
 
     def __init__(self, route: Route, description: Description, foot: str | None, recipe: Recipe) -> None:
         joints = [description.joint(name) for name in route.joint_names]
@@ -246,6 +269,8 @@ class Leg:
             "_actuator_names": tuple(actuators.get(name, name) for name in route.actuator_joints),
             "_units": Units(tuple(joint.unit for joint in joints), efforts),
             "_gravity": gravity,
+            "_quick": {},
+            "_quick_torque": None,
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -261,7 +286,8 @@ class Leg:
 
     def __repr__(self) -> str:
         joints = ", ".join(self.joint_names)
-        return f"<Leg {self.name!r} ({joints}) by route {self.route!r}, foot {self._foot!r}>"
+        model = "" if self.transmission == "exact" else f", transmission {self.transmission!r}"
+        return f"<Leg {self.name!r} ({joints}) by route {self.route!r}{model}, foot {self._foot!r}>"
 
     # ------------------------------------------------------------------ what the leg is
 
@@ -274,6 +300,11 @@ class Leg:
     def route(self) -> str:
         """Name of the route that computes: ``closed_form``, ``pinocchio`` or ``symbolic``."""
         return self._route.name
+
+    @property
+    def transmission(self) -> str:
+        """Model of the drive train: ``exact``, or a simplification that was asked for when the leg was loaded."""
+        return self._recipe.transmission
 
     @property
     def backend(self) -> Route:
@@ -359,6 +390,41 @@ class Leg:
         }
         return _Call(arrays, on_error)
 
+    def _quickly(self, name: str, *arrays: Any) -> np.ndarray | None:
+        """Evaluate a kernel of the route at once; None where the arguments or a row need the careful way.
+
+        The kernel itself checks shapes, and marks rows whose input or result is not finite.
+        """
+        run = self._quick.get(name)
+        if run is None:
+            return None
+        for array in arrays:
+            if type(array) is not _ARRAY or array.dtype is not _FLOAT or array.size > _QUICK_SIZE:
+                return None
+        try:
+            return run(*arrays)
+        except ValueError:  # shapes, which the careful way names
+            return None
+
+    def _learn(self, name: str) -> None:
+        """Remember the route's kernel for a method, made by the call that has just succeeded."""
+        offered = getattr(self._route, "quick", None)
+        run = None if offered is None else offered(name)
+        if run is not None:
+            self._quick[name] = run
+            if name == "torque":
+                object.__setattr__(self, "_quick_torque", run)
+
+    def _run(self, call: _Call, name: str, shape: tuple[int, ...], *names: str, out: Any = None) -> np.ndarray:
+        """Evaluate a method of the route on checked arguments."""
+        result = call.run(getattr(self._route, name), shape, *names, out=out)
+        if name not in self._quick:
+            self._learn(name)
+        return result
+
+    def _loads(self, foot_force: ArrayLike | None, gravity: ArrayLike | None) -> tuple[ArrayLike, ArrayLike]:
+        return _NO_FORCE if foot_force is None else foot_force, self._gravity if gravity is None else gravity
+
     def _need_foot(self) -> None:
         if not self._route.has_foot:
             raise MissingFootError(f"the foot of {self.name!r} is not named: load it with foot='LINK'")
@@ -402,7 +468,9 @@ class Leg:
             Metres.
         """
         self._need_foot()
-        return self._arguments(on_error, q=(q, self._n)).run(self._route.foot_position, (3,), "q")
+        if on_error == "raise" and (quick := self._quickly("foot_position", q)) is not None:
+            return quick
+        return self._run(self._arguments(on_error, q=(q, self._n)), "foot_position", (3,), "q")
 
     def inverse_kinematics(
         self,
@@ -487,7 +555,9 @@ class Leg:
             m/rad or m/m, hip frame.
         """
         self._need_foot()
-        return self._arguments(on_error, q=(q, self._n)).run(self._route.foot_jacobian, (3, self._n), "q")
+        if on_error == "raise" and (quick := self._quickly("foot_jacobian", q)) is not None:
+            return quick
+        return self._run(self._arguments(on_error, q=(q, self._n)), "foot_jacobian", (3, self._n), "q")
 
     def jacobian_derivative(self, q: ArrayLike, v: ArrayLike, *, on_error: OnError = "raise") -> np.ndarray:
         """Time derivative of the foot Jacobian along the motion v.
@@ -501,8 +571,10 @@ class Leg:
         (..., 3, n) array
         """
         self._need_foot()
+        if on_error == "raise" and (quick := self._quickly("foot_jacobian_derivative", q, v)) is not None:
+            return quick
         call = self._arguments(on_error, q=(q, self._n), v=(v, self._n))
-        return call.run(self._route.foot_jacobian_derivative, (3, self._n), "q", "v")
+        return self._run(call, "foot_jacobian_derivative", (3, self._n), "q", "v")
 
     def foot_velocity(self, q: ArrayLike, v: ArrayLike, *, on_error: OnError = "raise") -> np.ndarray:
         """Foot velocity J v in the hip frame, m/s, shape (..., 3)."""
@@ -529,7 +601,9 @@ class Leg:
 
     def mass_matrix(self, q: ArrayLike, *, on_error: OnError = "raise") -> np.ndarray:
         """Mass matrix M at the independent coordinates, shape (..., n, n); kg·m² (rad), kg (m)."""
-        return self._arguments(on_error, q=(q, self._n)).run(self._route.mass_matrix, (self._n, self._n), "q")
+        if on_error == "raise" and (quick := self._quickly("mass_matrix", q)) is not None:
+            return quick
+        return self._run(self._arguments(on_error, q=(q, self._n)), "mass_matrix", (self._n, self._n), "q")
 
     def bias(
         self, q: ArrayLike, v: ArrayLike, gravity: ArrayLike | None = None, *, on_error: OnError = "raise"
@@ -549,8 +623,12 @@ class Leg:
         (..., n) array
             N·m or N.
         """
+        if on_error == "raise":
+            quick = self._quickly("bias", q, v, self._gravity if gravity is None else gravity)
+            if quick is not None:
+                return quick
         call = self._arguments(on_error, q=(q, self._n), v=(v, self._n), gravity=(gravity, 3))
-        return call.run(self._route.bias, (self._n,), "q", "v", "gravity")
+        return self._run(call, "bias", (self._n,), "q", "v", "gravity")
 
     def gravity_torque(
         self, q: ArrayLike, gravity: ArrayLike | None = None, *, on_error: OnError = "raise"
@@ -614,8 +692,30 @@ class Leg:
         ActuationError
             The actuators do not determine the efforts.
         """
-        if foot_force is not None:
-            self._need_foot()
+        if foot_force is None and gravity is None:
+            # Written out: this is the inner loop of a controller, and a call is half a microsecond.
+            quick = self._quick_torque
+            if (
+                quick is not None
+                and out is None
+                and on_error == "raise"
+                and type(q) is type(v) is type(a) is _ARRAY
+                and q.dtype is v.dtype is a.dtype is _FLOAT
+                and q.size < _QUICK_SIZE
+            ):
+                try:
+                    result = quick(q, v, a)
+                except ValueError:  # shapes, which the careful way names
+                    result = None
+                if result is not None:
+                    return result
+        else:
+            if foot_force is not None:
+                self._need_foot()
+            if out is None and on_error == "raise":
+                result = self._quickly("loaded_torque", q, v, a, *self._loads(foot_force, gravity))
+                if result is not None:
+                    return result
         call = self._arguments(
             on_error,
             q=(q, self._n),
@@ -624,7 +724,11 @@ class Leg:
             foot_force=(foot_force, 3),
             gravity=(gravity, 3),
         )
-        return call.run(self._route.torque, (self._m,), "q", "v", "a", "foot_force", "gravity", out=out)
+        result = call.run(self._route.torque, (self._m,), "q", "v", "a", "foot_force", "gravity", out=out)
+        name = "torque" if foot_force is None and gravity is None else "loaded_torque"
+        if name not in self._quick:
+            self._learn(name)
+        return result
 
     def generalized_force(
         self,
@@ -639,6 +743,10 @@ class Leg:
         """Inverse dynamics at the independent coordinates, always unique; arguments as in `torque`, shape (..., n)."""
         if foot_force is not None:
             self._need_foot()
+        if on_error == "raise":
+            quick = self._quickly("generalized_force", q, v, a, *self._loads(foot_force, gravity))
+            if quick is not None:
+                return quick
         call = self._arguments(
             on_error,
             q=(q, self._n),
@@ -647,7 +755,7 @@ class Leg:
             foot_force=(foot_force, 3),
             gravity=(gravity, 3),
         )
-        return call.run(self._route.generalized_force, (self._n,), "q", "v", "a", "foot_force", "gravity")
+        return self._run(call, "generalized_force", (self._n,), "q", "v", "a", "foot_force", "gravity")
 
     def foot_force(
         self,
@@ -774,6 +882,10 @@ class Leg:
         """
         if foot_force is not None:
             self._need_foot()
+        if on_error == "raise":
+            quick = self._quickly("acceleration", q, v, tau, *self._loads(foot_force, gravity))
+            if quick is not None:
+                return quick
         call = self._arguments(
             on_error,
             q=(q, self._n),
@@ -782,7 +894,7 @@ class Leg:
             foot_force=(foot_force, 3),
             gravity=(gravity, 3),
         )
-        return call.run(self._route.acceleration, (self._n,), "q", "v", "tau", "foot_force", "gravity")
+        return self._run(call, "acceleration", (self._n,), "q", "v", "tau", "foot_force", "gravity")
 
     # ------------------------------------------------------------------ what only some routes offer
 

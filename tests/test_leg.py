@@ -476,7 +476,7 @@ def test_other_real_numbers(leg, dtype):
         [10**400, 0, 0],
         np.ma.array([0.1, 0.2, 0.3], mask=[False, True, False]),
     ],
-    ids=repr,
+    ids=lambda value: type(value).__name__,
 )
 @pytest.mark.parametrize("on_error", ["raise", "nan"])
 def test_what_is_not_real_numbers_is_refused(leg, value, on_error):

@@ -11,20 +11,34 @@ Any module of this package serves that has ``JOINT_NAMES``, ``TREE_JOINT_NAMES``
 
 and, where it has models to choose between, ``OPTIONS`` (a mapping of names to allowed values, which `from_urdf` takes
 as keywords); where it has singular configurations, ``singularity_margins(leg, q)`` (values that vanish there) with
-``SINGULARITY_LIMIT``.
+``SINGULARITY_LIMIT``; where its inertia reduces to fewer base parameters, ``REDUCED`` (formulas by the names above that
+compute the same from them) and ``base_parameters``, ``regressor`` (see `leg_dynamics.closed_form.omnileg`).
+
+The methods run the formulas as kernels (see `compiled`); `ClosedFormRoute.plain` evaluates the same formulas on floats
+and arrays, which says why a row failed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib.metadata
+import pickle
+from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from leg_dynamics import closed_form
+from leg_dynamics.closed_form.compiled import FormulaKernels
 from leg_dynamics.description.topology import actuated_joints
-from leg_dynamics.errors import FormulaAssumptionError, OutOfReachError, RouteError, RowFailures, SingularityError
+from leg_dynamics.errors import (
+    FormulaAssumptionError,
+    OutOfReachError,
+    RouteError,
+    RowFailures,
+    SingularityError,
+)
+from leg_dynamics.kernels import Kernel, cache
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description
@@ -33,6 +47,9 @@ __all__ = ["ClosedFormRoute"]
 
 _BLOCK = 4096
 """Rows evaluated at a time: temporaries stay in the cache and the memory of a large batch stays bounded."""
+
+_NO_FORCE = np.zeros(3)
+_NO_FORCE.setflags(write=False)
 
 
 def _shape(nested: Any) -> tuple[int, ...]:
@@ -47,12 +64,42 @@ def _fill(out: np.ndarray, nested: Any) -> None:
         out[...] = nested
 
 
+def _checked_module(formulas: str, options: dict[str, str]) -> ModuleType:
+    module = closed_form.find(formulas)
+    if module is None:
+        raise RouteError(f"there are no formulas of a leg called {formulas!r}; use route='pinocchio'")
+    offered = getattr(module, "OPTIONS", {})
+    for option, value in options.items():
+        if value not in offered.get(option, ()):
+            choices = f"choose one of {', '.join(offered[option])}" if option in offered else "leave it out"
+            raise RouteError(f"the formulas of {formulas!r} have no {option} {value!r}: {choices}")
+    return module
+
+
+def _ingredients(formulas: str, description: Description, options: dict[str, str]) -> str:
+    """Digest of all that a leg's numbers and graphs come from."""
+    sources = (cache.source_fingerprint(f"leg_dynamics.{room}") for room in ("closed_form", "description"))
+    readers = (f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "yourdfpy"))
+    chosen = (f"{name}={value}" for name, value in sorted(options.items()))
+    return cache.key_of(formulas, description.urdf, *sources, *readers, *chosen)
+
+
+def _numbers(module: ModuleType, description: Description, options: dict[str, str], ingredients: str) -> Any:
+    """The leg's numbers; a file that has passed every check once is not read and checked again."""
+    key = cache.key_of("numbers", ingredients)
+    stored = cache.read(key)
+    if stored is not None:
+        return pickle.loads(stored)
+    numbers = module.from_urdf(description, **options)
+    cache.write(key, pickle.dumps(numbers))
+    return numbers
+
+
 class ClosedFormRoute:
     """Formulas of one leg with one file's numbers: immutable, safe to use from several threads.
 
     Arguments of the methods are finite float64 arrays, a sample (n,) or a batch (N, n), already broadcast against each
-    other. A sample is evaluated on Python floats, a batch on arrays of components. Rows that cannot be computed are
-    reported to `failures` and left NaN; `gravity` None is the file's.
+    other. Rows that cannot be computed are reported to `failures` and left NaN; `gravity` None is the file's.
 
     Parameters
     ----------
@@ -60,6 +107,8 @@ class ClosedFormRoute:
         Name of a leg that `leg_dynamics.closed_form.find` knows.
     description : Description
         Where geometry, masses and inertias come from.
+    threads : int, optional
+        Threads for large batches; default: as many as pay.
     **options
         Models that the formulas offer, for example ``transmission="paper"``; see the leg's ``OPTIONS``.
 
@@ -74,18 +123,12 @@ class ClosedFormRoute:
     name = "closed_form"
     has_foot = True
 
-    def __init__(self, formulas: str, description: Description, **options: str) -> None:
-        module = closed_form.find(formulas)
-        if module is None:
-            raise RouteError(f"there are no formulas of a leg called {formulas!r}; use route='pinocchio'")
-        self.module: ModuleType = module
-        offered = getattr(module, "OPTIONS", {})
-        for option, value in options.items():
-            if value not in offered.get(option, ()):
-                choices = f"choose one of {', '.join(offered[option])}" if option in offered else "leave it out"
-                raise RouteError(f"the formulas of {formulas!r} have no {option} {value!r}: {choices}")
+    def __init__(self, formulas: str, description: Description, threads: int | None = None, **options: str) -> None:
+        self.module = module = _checked_module(formulas, options)
         self.options = options
-        self.numbers = module.from_urdf(description, **options)
+        self.threads = threads
+        ingredients = _ingredients(formulas, description, options)
+        self.numbers = _numbers(module, description, options, ingredients)
         self.joint_names: tuple[str, ...] = tuple(module.JOINT_NAMES)
         self.tree_joint_names: tuple[str, ...] = tuple(module.TREE_JOINT_NAMES)
         self.branches: tuple[str, ...] = tuple(module.BRANCHES)
@@ -102,9 +145,36 @@ class ClosedFormRoute:
                 expected=self.joint_names,
                 tolerance=None,
             )
-        self._actuated = np.array([self.joint_names.index(name) for name in self.actuator_joints])
+        actuated = tuple(self.joint_names.index(name) for name in self.actuator_joints)
+        self.kernels = FormulaKernels(module, self.numbers, actuated, ingredients)
 
-    def _apply(self, formula: Callable[..., Any], arguments: tuple[np.ndarray, ...]) -> np.ndarray:
+    # ------------------------------------------------------------------ evaluation
+
+    def kernel(self, name: str, vary: Sequence[str] = ()) -> Kernel:
+        """Return the compiled formula `name` (see `leg_dynamics.closed_form.compiled.FORMULAS`)."""
+        return self.kernels.get(name, vary)
+
+    def quick(self, name: str) -> Callable[..., np.ndarray | None]:
+        """Return the kernel of a method for arrays that need no checking, see `leg_dynamics.leg.QuickRoute`."""
+        kernel = self.kernels.get(name)
+        ufunc, counter = kernel.ufunc, kernel.counter
+
+        def run(*arrays: np.ndarray) -> np.ndarray | None:
+            before = counter[0]
+            result: np.ndarray = ufunc(*arrays)
+            return result if counter[0] == before else None
+
+        return run
+
+    def plain(self, formula: Callable[..., Any], *arguments: np.ndarray) -> np.ndarray:
+        """Evaluate a formula (leg, components ...) as it stands: a sample on floats, a batch on arrays.
+
+        Parameters
+        ----------
+        formula : callable
+            A function of the leg's module.
+        *arguments : (n,) or (N, n) arrays
+        """
         if arguments[0].ndim == 1:
             try:
                 components = (tuple(argument.tolist()) for argument in arguments)
@@ -127,77 +197,70 @@ class ClosedFormRoute:
         assert result is not None
         return result
 
-    def _evaluate(self, formula: Callable[..., Any], failures: RowFailures, *arguments: np.ndarray) -> np.ndarray:
-        """Evaluate a formula whose first argument is q; rows at singular configurations fail.
+    def _run(self, name: str, failures: RowFailures, q: np.ndarray, *others: np.ndarray) -> np.ndarray:
+        """Evaluate a kernel whose first argument is q; rows at singular configurations fail.
 
-        What overflows at a regular configuration is left as it is: the interface reports it.
+        What overflows at a regular configuration is left NaN: the interface reports it.
         """
-        result = self._apply(formula, arguments)
-        if not hasattr(self.module, "singularity_margins"):
-            return result
-        margins = np.atleast_2d(self._apply(self.module.singularity_margins, arguments[:1])).min(axis=-1)
-        rows = ~(margins >= self.module.SINGULARITY_LIMIT)
-        if not rows.any():
-            return result
-        failing = np.flatnonzero(rows)
-        first = np.atleast_2d(arguments[0])[failing[0]]
-        pose = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.joint_names, first, strict=True))
+        kernel = self.kernels.get(name)
+        before = kernel.counter[0]
+        result: np.ndarray = kernel(q, *others, threads=1 if q.ndim == 1 else self.threads)
+        if kernel.counter[0] != before and hasattr(self.module, "singularity_margins"):
+            self._report_singular(q, result, failures)
+        return result
+
+    def _report_singular(self, q: np.ndarray, result: np.ndarray, failures: RowFailures) -> None:
+        states = np.atleast_2d(q)
+        suspects = np.flatnonzero(np.isnan(result.reshape(len(states), -1)).any(axis=1))
+        margins = self.plain(self.module.singularity_margins, states[suspects]).min(axis=-1)
+        singular = ~(margins >= self.module.SINGULARITY_LIMIT)
+        if not singular.any():
+            return
+        failing, margins = suspects[singular], margins[singular]
+        pose = ", ".join(f"{name} = {x:.6g}" for name, x in zip(self.joint_names, states[failing[0]], strict=True))
         failures.add(
             failing,
             SingularityError(
-                f"the passive joints lose their direction at {pose} (singularity margin {margins[failing[0]]:.3g}): "
+                f"the passive joints lose their direction at {pose} (singularity margin {margins[0]:.3g}): "
                 "ask for a configuration further away from it",
                 rows=failing,
-                margin=margins[failing],
+                margin=margins,
             ),
         )
-        result[failing if arguments[0].ndim > 1 else ...] = np.nan
-        return result
 
-    def _gravity(self, gravity: np.ndarray | None, q: np.ndarray) -> np.ndarray:
-        return np.broadcast_to(self.gravity, (*q.shape[:-1], 3)) if gravity is None else gravity
-
-    def _with_foot_force(self, force: np.ndarray, q: np.ndarray, foot_force: np.ndarray | None) -> np.ndarray:
-        """Add -J^T foot_force to the generalized force of a free foot."""
-        return force if foot_force is None else force + self._apply(self.module.foot_force_torque, (q, foot_force))
+    # ------------------------------------------------------------------ the interface
 
     def tree_coordinates(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Tree joint coordinates that close every loop, (..., n_tree)."""
-        names = self.tree_joint_names
-
-        def in_order(numbers: Any, components: tuple[Any, ...]) -> tuple[Any, ...]:
-            coordinates = self.module.tree_coordinates(numbers, components)
-            return tuple(coordinates[name] for name in names)
-
-        return self._evaluate(in_order, failures, q)
+        return self._run("tree_coordinates", failures, q)
 
     def foot_position(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Foot position, (..., 3) m."""
-        return self._evaluate(self.module.foot_position, failures, q)
+        return self._run("foot_position", failures, q)
 
     def foot_jacobian(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Foot Jacobian, (..., 3, n)."""
-        return self._evaluate(self.module.foot_jacobian, failures, q)
+        return self._run("foot_jacobian", failures, q)
 
     def foot_jacobian_derivative(self, q: np.ndarray, v: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Time derivative of the foot Jacobian, (..., 3, n)."""
-        return self._evaluate(self.module.foot_jacobian_derivative, failures, q, v)
+        return self._run("foot_jacobian_derivative", failures, q, v)
 
     def foot_bias_acceleration(self, q: np.ndarray, v: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Foot acceleration at zero joint acceleration, (..., 3) m/s²."""
-        return self._evaluate(self.module.foot_bias_acceleration, failures, q, v)
+        return self._run("foot_bias_acceleration", failures, q, v)
 
     def mass_matrix(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Mass matrix with the rotors, (..., n, n)."""
-        return self._evaluate(self.module.mass_matrix, failures, q)
+        return self._run("mass_matrix", failures, q)
 
     def bias(self, q: np.ndarray, v: np.ndarray, gravity: np.ndarray | None, failures: RowFailures) -> np.ndarray:
         """Generalised force at zero acceleration, damping and friction included, (..., n)."""
-        return self._evaluate(self.module.bias, failures, q, v, self._gravity(gravity, q))
+        return self._run("bias", failures, q, v, self.gravity if gravity is None else gravity)
 
     def potential_energy(self, q: np.ndarray, gravity: np.ndarray | None, failures: RowFailures) -> np.ndarray:
         """Potential energy of gravity, (...,) J."""
-        return self._evaluate(self.module.potential_energy, failures, q, self._gravity(gravity, q))
+        return self._run("potential_energy", failures, q, self.gravity if gravity is None else gravity)
 
     def generalized_force(
         self,
@@ -209,8 +272,7 @@ class ClosedFormRoute:
         failures: RowFailures,
     ) -> np.ndarray:
         """Inverse dynamics at the independent coordinates, (..., n)."""
-        force = self._evaluate(self.module.inverse_dynamics, failures, q, v, a, self._gravity(gravity, q))
-        return self._with_foot_force(force, q, foot_force)
+        return self._run("generalized_force", failures, q, v, a, *self._loads(foot_force, gravity))
 
     def torque(
         self,
@@ -222,7 +284,9 @@ class ClosedFormRoute:
         failures: RowFailures,
     ) -> np.ndarray:
         """Inverse dynamics at the actuators, (..., n) in their order."""
-        return self.generalized_force(q, v, a, foot_force, gravity, failures)[..., self._actuated]
+        if foot_force is None and gravity is None:
+            return self._run("torque", failures, q, v, a)
+        return self._run("loaded_torque", failures, q, v, a, *self._loads(foot_force, gravity))
 
     def acceleration(
         self,
@@ -234,36 +298,37 @@ class ClosedFormRoute:
         failures: RowFailures,
     ) -> np.ndarray:
         """Forward dynamics, (..., n)."""
-        force = self._generalized(tau)
-        if foot_force is not None:
-            force = force - self._apply(self.module.foot_force_torque, (q, foot_force))
-        return self._evaluate(self.module.forward_dynamics, failures, q, v, force, self._gravity(gravity, q))
+        return self._run("acceleration", failures, q, v, tau, *self._loads(foot_force, gravity))
 
-    def _generalized(self, tau: np.ndarray) -> np.ndarray:
-        force = np.empty_like(tau)
-        force[..., self._actuated] = tau
-        return force
+    def _loads(self, foot_force: np.ndarray | None, gravity: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        return _NO_FORCE if foot_force is None else foot_force, self.gravity if gravity is None else gravity
 
     def inverse_kinematics(self, p: np.ndarray, branch: str, failures: RowFailures) -> np.ndarray:
         """Coordinates of one branch, (..., n), limits not considered; rows out of reach fail with their margin in m."""
+        kernel = self.kernels.get("inverse_kinematics", branch=branch)
+        before = kernel.counter[0]
+        q: np.ndarray = kernel(p, threads=1 if p.ndim == 1 else self.threads)
+        if kernel.counter[0] != before:
+            self._report_out_of_reach(p, branch, q, failures)
+        return q
 
-        def solution(numbers: Any, components: tuple[Any, ...]) -> tuple[Any, ...]:
-            found = self.module.inverse_kinematics(numbers, components, branch)
-            return (*found.q, found.margin)
+    def _report_out_of_reach(self, p: np.ndarray, branch: str, q: np.ndarray, failures: RowFailures) -> None:
+        points = np.atleast_2d(p)
+        failing = np.flatnonzero(np.isnan(np.atleast_2d(q)).any(axis=1))
 
-        rows = np.atleast_2d(self._apply(solution, (p,)))
-        q, margin = rows[:, :-1], rows[:, -1]
-        failing = np.flatnonzero(~(margin >= 0.0))
-        if failing.size:
-            point = ", ".join(f"{value:.6g}" for value in np.atleast_2d(p)[failing[0]])
-            failures.add(
-                failing,
-                OutOfReachError(
-                    f"the foot cannot reach ({point}) m: {-margin[failing[0]]:.3g} m are missing; move the point "
-                    "inside the workspace",
-                    rows=failing,
-                    margin=margin[failing],
-                ),
-            )
-            q[failing] = np.nan
-        return q.reshape(*p.shape[:-1], len(self.joint_names))
+        def missing(numbers: Any, components: tuple[Any, ...]) -> Any:
+            return self.module.inverse_kinematics(numbers, components, branch).margin
+
+        margin = np.minimum(self.plain(missing, points[failing]), 0.0)
+        if not failing.size:
+            return
+        point = ", ".join(f"{value:.6g}" for value in points[failing[0]])
+        failures.add(
+            failing,
+            OutOfReachError(
+                f"the foot cannot reach ({point}) m: {-margin[0]:.3g} m are missing; move the point "
+                "inside the workspace",
+                rows=failing,
+                margin=margin,
+            ),
+        )

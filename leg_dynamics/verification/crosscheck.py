@@ -75,6 +75,8 @@ def crosscheck(
         given = load(leg, **load_options)
         text = os.fspath(leg)
         name = given.name if text.lstrip("\ufeff \t\r\n").startswith("<") else text
+    if given.transmission != "exact":
+        name = f"{name}, transmission {given.transmission!r}"
     legs = [given if route == given.route else sibling(given, route) for route in routes_of(given)]
     return crosscheck_legs(legs, name, int(samples), seed, progress)
 

@@ -21,6 +21,8 @@ class FaultyRoute:
         self.route, self.faults = route, faults
 
     def __getattr__(self, name: str) -> Any:
+        if name == "quick":  # a kernel called at once would pass the fault by
+            raise AttributeError(name)
         method = getattr(self.route, name)
         if name not in self.faults:
             return method

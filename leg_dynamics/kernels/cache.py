@@ -1,0 +1,148 @@
+"""Files in the user's cache folder, found by everything that went into them, whole or not at all.
+
+Entries are native code and data of this user's own processes. Whoever can write into the folder can run code in them,
+so it is made readable by its owner only. It may be deleted at any time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+__all__ = ["FOLDER_VARIABLE", "cache_folder", "clear", "key_of", "read", "source_fingerprint", "write"]
+
+FOLDER_VARIABLE = "LEG_DYNAMICS_CACHE"
+"""Environment variable that names another folder; an empty value switches the cache off."""
+
+_MAGIC = b"leg_dynamics 1\n"
+_DIGEST = hashlib.sha256().digest_size
+# Beyond that size the entries that were not used for longest go.
+_LARGEST_FOLDER = 256 * 2**20
+
+
+def cache_folder() -> Path | None:
+    """Return the folder, which may not exist yet; None where the cache is switched off."""
+    chosen = os.environ.get(FOLDER_VARIABLE)
+    if chosen is not None:
+        return Path(chosen) if chosen else None
+    return _default_folder()
+
+
+@functools.cache
+def _default_folder() -> Path | None:
+    import platformdirs
+
+    try:
+        return Path(platformdirs.user_cache_dir("leg_dynamics", appauthor=False))
+    except RuntimeError:  # no home
+        return None
+
+
+def key_of(*parts: str | bytes) -> str:
+    """Digest of a sequence of texts; where one ends and the next begins counts."""
+    digest = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else part
+        digest.update(len(data).to_bytes(8, "little"))
+        digest.update(data)
+    return digest.hexdigest()
+
+
+@functools.cache
+def source_fingerprint(package: str) -> str:
+    """Digest of every source file of a package: changed code never meets what older code has stored.
+
+    Parameters
+    ----------
+    package : str
+        Importable name, for example ``"leg_dynamics.kernels"``.
+    """
+    import importlib.util
+
+    spec = importlib.util.find_spec(package)
+    if spec is None:
+        raise ModuleNotFoundError(package)
+    folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
+    files: Iterable[Path] = sorted(path for folder in folders for path in folder.rglob("*.py"))
+    if not folders and spec.origin is not None:
+        files = [Path(spec.origin)]
+    return key_of(*(part for path in files for part in (path.name, path.read_bytes())))
+
+
+def read(key: str) -> bytes | None:
+    """Content of an entry; None where there is none, or where it is damaged."""
+    folder = cache_folder()
+    if folder is None:
+        return None
+    path = folder / key
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return None
+    start = len(_MAGIC) + _DIGEST
+    payload = data[start:]
+    if not data.startswith(_MAGIC) or hashlib.sha256(payload).digest() != data[len(_MAGIC) : start]:
+        with contextlib.suppress(OSError):
+            path.unlink()
+        return None
+    with contextlib.suppress(OSError):
+        os.utime(path)
+    return payload
+
+
+def write(key: str, payload: bytes) -> bool:
+    """Store an entry at once or not at all; whether it was stored. A folder that cannot be written to is no error."""
+    folder = cache_folder()
+    if folder is None:
+        return False
+    temporary: str | None = None
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        descriptor, temporary = tempfile.mkstemp(dir=folder, prefix=".")
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(_MAGIC + hashlib.sha256(payload).digest() + payload)
+        os.replace(temporary, folder / key)
+    except OSError:
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+        return False
+    _trim(folder)
+    return True
+
+
+def _entries(folder: Path) -> list[tuple[float, int, Path]]:
+    found = []
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            with contextlib.suppress(OSError):
+                if entry.is_file(follow_symlinks=False):
+                    status = entry.stat()
+                    found.append((status.st_mtime, status.st_size, Path(entry.path)))
+    return sorted(found)
+
+
+def _trim(folder: Path) -> None:
+    entries = _entries(folder)
+    excess = sum(size for _, size, _ in entries) - _LARGEST_FOLDER
+    for _, size, path in entries:
+        if excess <= 0:
+            return
+        with contextlib.suppress(OSError):
+            path.unlink()
+            excess -= size
+
+
+def clear() -> int:
+    """Delete every entry; how many there were."""
+    folder = cache_folder()
+    entries = [] if folder is None else _entries(folder)
+    for _, _, path in entries:
+        with contextlib.suppress(OSError):
+            path.unlink()
+    return len(entries)
