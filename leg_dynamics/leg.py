@@ -6,9 +6,9 @@ named error or, on request, into NaN rows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ from leg_dynamics.errors import (
     JointLimitError,
     MissingFootError,
     NonFiniteError,
+    ParameterError,
     RouteError,
     RowFailures,
     ShapeError,
@@ -27,9 +28,8 @@ from leg_dynamics.errors import (
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description, Parameter
-    from leg_dynamics.routes import Recipe
 
-__all__ = ["Leg", "Limits", "OnError", "Route", "Units"]
+__all__ = ["AccelerationDerivatives", "Leg", "Limits", "OnError", "Recipe", "Route", "TorqueDerivatives", "Units"]
 
 OnError = Literal["raise", "nan"]
 
@@ -59,6 +59,24 @@ class Units:
 
     joints: tuple[str, ...]
     actuators: tuple[str, ...]
+
+
+class TorqueDerivatives(NamedTuple):
+    """Actuator efforts differentiated by the motion, (..., m, n) each, and by parameters, (..., m, k)."""
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    parameters: np.ndarray
+
+
+class AccelerationDerivatives(NamedTuple):
+    """Accelerations differentiated by q and v, (..., n, n), tau, (..., n, m), and parameters, (..., n, k)."""
+
+    q: np.ndarray
+    v: np.ndarray
+    tau: np.ndarray
+    parameters: np.ndarray
 
 
 class Route(Protocol):
@@ -157,6 +175,27 @@ class QuickRoute(Route, Protocol):
 
         It raises ValueError where a last axis does not fit, and returns None where a row failed.
         """
+        ...
+
+
+class Recipe(Protocol):
+    """What a leg is made of: enough to make it, or a changed copy, again. The composition root has one."""
+
+    @property
+    def transmission(self) -> str:
+        """Model of the drive train."""
+        ...
+
+    def build(self) -> Leg:
+        """Make the leg."""
+        ...
+
+    def with_parameters(self, parameters: Mapping[str, float]) -> Recipe:
+        """Return the recipe with some design parameters changed."""
+        ...
+
+    def number_derivatives(self, parameters: tuple[str, ...], route: Any) -> tuple[tuple[str, ...], np.ndarray]:
+        """Names of k numbers of the route, and the derivative of each by each parameter, (k, parameters)."""
         ...
 
 
@@ -896,6 +935,151 @@ class Leg:
         )
         return self._run(call, "acceleration", (self._n,), "q", "v", "tau", "foot_force", "gravity")
 
+    # ------------------------------------------------------------------ derivatives and identification
+
+    def torque_derivatives(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        foot_force: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        *,
+        parameters: Sequence[str] = (),
+        on_error: OnError = "raise",
+    ) -> TorqueDerivatives:
+        """Actuator efforts differentiated, exactly and along the closed loops (routes closed_form and symbolic).
+
+        Parameters
+        ----------
+        q, v, a, foot_force, gravity
+            As in `torque`.
+        parameters : sequence of str, optional
+            Design parameters (see `parameters`) or numbers of the mechanism (see `numbers`) to differentiate by as
+            well. A design parameter moves every length, mass and inertia that the leg's source computes from it.
+
+        Returns
+        -------
+        TorqueDerivatives
+            ``q``, ``v``, ``a`` of shape (..., m, n) and ``parameters`` (..., m, len(parameters)).
+
+        Raises
+        ------
+        ParameterError
+            A name is unknown, or the mechanism does not depend on it smoothly.
+        UnsupportedError
+            The route has no derivatives.
+        """
+        if foot_force is not None:
+            self._need_foot()
+        rows = self._differentiated(
+            "torque_derivatives", self._m, ("q", "v", "a"), (q, v, a), (foot_force, gravity), parameters, on_error
+        )
+        return TorqueDerivatives(*rows)
+
+    def acceleration_derivatives(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        foot_force: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        *,
+        parameters: Sequence[str] = (),
+        on_error: OnError = "raise",
+    ) -> AccelerationDerivatives:
+        """Forward dynamics differentiated, exactly and along the closed loops (routes closed_form and symbolic).
+
+        Parameters
+        ----------
+        q, v, tau, foot_force, gravity
+            As in `acceleration`.
+        parameters : sequence of str, optional
+            As in `torque_derivatives`.
+
+        Returns
+        -------
+        AccelerationDerivatives
+            ``q``, ``v`` of shape (..., n, n), ``tau`` (..., n, m) and ``parameters`` (..., n, len(parameters)).
+        """
+        if foot_force is not None:
+            self._need_foot()
+        names, arguments, loads = ("q", "v", "tau"), (q, v, tau), (foot_force, gravity)
+        rows = self._differentiated("acceleration_derivatives", self._n, names, arguments, loads, parameters, on_error)
+        return AccelerationDerivatives(*rows)
+
+    def _differentiated(
+        self,
+        method: str,
+        height: int,
+        names: tuple[str, ...],
+        arguments: tuple[ArrayLike, ...],
+        loads: tuple[ArrayLike | None, ArrayLike | None],
+        parameters: Sequence[str],
+        on_error: OnError,
+    ) -> list[np.ndarray]:
+        function = self._only(method)
+        if isinstance(parameters, str):
+            raise ParameterError(
+                f"parameters is a sequence of names, got the text {parameters!r}: write ({parameters!r},)"
+            )
+        numbers, chain = self._recipe.number_derivatives(tuple(parameters), self._route)
+        sizes = [self._m if name == "tau" else self._n for name in names]
+        given = dict(zip(names, zip(arguments, sizes, strict=True), strict=True))
+        call = self._arguments(on_error, **given, foot_force=(loads[0], 3), gravity=(loads[1], 3))
+
+        def columns(*arrays: Any) -> np.ndarray:
+            *values, failures = arrays
+            return function(*values, numbers, failures)
+
+        whole = call.run(columns, (height, sum(sizes) + len(numbers)), *names, "foot_force", "gravity")
+        parts = np.split(whole, np.cumsum(sizes), axis=-1)
+        return [*parts[:-1], parts[-1] @ chain]
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        """Lengths, masses and inertias that the route computes with, by name, SI units (closed_form and symbolic).
+
+        ``knee.mass``, ``knee.com.z``, ``knee.ixx`` ... of every body; lengths have the names that the route gives them.
+        """
+        return dict(self._only("numbers_of")(self._description))
+
+    @property
+    def base_parameters(self) -> Mapping[str, Parameter]:
+        """Fewest inertial parameters that the torques are linear in (route closed_form); see `regressor`."""
+        from leg_dynamics.description.model import Parameter
+
+        values = self._only("base_parameters")
+        return {name: Parameter(name, value, unit, "the file's inertias") for name, (value, unit) in values.items()}
+
+    def regressor(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        gravity: ArrayLike | None = None,
+        *,
+        on_error: OnError = "raise",
+    ) -> np.ndarray:
+        """Matrix Y of torque = Y pi, pi = `base_parameters`, for identification (route closed_form).
+
+        Losses and a foot force are not part of Y pi: subtract theirs from measured torques.
+
+        Parameters
+        ----------
+        q, v, a : (..., n) array_like
+        gravity : (..., 3) array_like, optional
+            Gravity vector in the hip frame, m/s².
+
+        Returns
+        -------
+        (..., m, k) array
+            Of full column rank k over random states.
+        """
+        function = self._only("regressor")
+        call = self._arguments(on_error, q=(q, self._n), v=(v, self._n), a=(a, self._n), gravity=(gravity, 3))
+        return call.run(function, (self._m, len(self.base_parameters)), "q", "v", "a", "gravity")
+
     # ------------------------------------------------------------------ what only some routes offer
 
     def _only(self, method: str) -> Any:
@@ -903,7 +1087,9 @@ class Leg:
             return getattr(self._route, method)
         except AttributeError:
             raise UnsupportedError(
-                f"route {self.route!r} has no {method}: load the leg with route='pinocchio'", route=self.route
+                f"route {self.route!r} has no {method}: load the leg by another route "
+                "(closed_form, pinocchio or symbolic)",
+                route=self.route,
             ) from None
 
     def mobility_report(self, samples: int = 20, seed: int = 0) -> Any:

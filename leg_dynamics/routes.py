@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import difflib
+import functools
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from leg_dynamics.errors import FormulaAssumptionError, LegNotFoundError, MissingFootError, ParameterError, RouteError
+from leg_dynamics.errors import (
+    FormulaAssumptionError,
+    LegDynamicsError,
+    LegNotFoundError,
+    MissingFootError,
+    ParameterError,
+    RouteError,
+)
 from leg_dynamics.leg import Leg, Route
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from leg_dynamics.description.model import Description
 
 __all__ = ["ROUTES", "Recipe", "available", "load", "routes_of", "sibling", "with_text"]
 
-ROUTES = ("closed_form", "pinocchio")
+ROUTES = ("closed_form", "pinocchio", "symbolic")
 
 
 def available() -> tuple[str, ...]:
@@ -52,6 +63,8 @@ class Recipe:
         The parameter values it was read with.
     transmission : str
         Model of the transmission, one that the formulas offer; every other route knows ``exact`` only.
+    threads : int or None
+        Threads for large batches of the routes that are compiled.
     """
 
     description: Description
@@ -61,6 +74,7 @@ class Recipe:
     source: str | None = None
     overrides: tuple[tuple[str, float], ...] = ()
     transmission: str = "exact"
+    threads: int | None = None
 
     def backend(self) -> Route:
         """The route object."""
@@ -84,20 +98,66 @@ class Recipe:
                     "route='pinocchio'"
                 )
             options = {} if self.transmission == "exact" else {"transmission": self.transmission}
-            return ClosedFormRoute(self.formulas, self.description, **options)
+            return ClosedFormRoute(self.formulas, self.description, self.threads, **options)
         if self.transmission != "exact":
             raise RouteError(
                 f"transmission {self.transmission!r} is a model of the closed form only, and route {self.route!r} "
                 "computes the mechanism as it is: leave transmission out, or use route='closed_form'"
             )
-        from leg_dynamics.mechanism.route import PinocchioRoute
-
         hip = "hip" if self.description.has_link("hip") else None
-        return PinocchioRoute(self.description, self.foot, hip)
+
+        def numeric() -> Any:
+            from leg_dynamics.mechanism.route import PinocchioRoute
+
+            return PinocchioRoute(self.description, self.foot, hip)
+
+        if self.route == "pinocchio":
+            return numeric()
+        from leg_dynamics.symbolic.route import SymbolicRoute
+
+        return SymbolicRoute(self.description, self.foot, hip, fallback=numeric, threads=self.threads)
 
     def build(self) -> Leg:
         """Make the leg."""
         return Leg(self.backend(), self.description, self.foot, self)
+
+    def number_derivatives(self, parameters: tuple[str, ...], route: Any) -> tuple[tuple[str, ...], np.ndarray]:
+        """Numbers that the route must differentiate by, and how they depend on parameters.
+
+        Parameters
+        ----------
+        parameters : tuple of str
+            Design parameters of the source, or names of the route's numbers.
+        route : Route
+            One that has `numbers_of`.
+
+        Returns
+        -------
+        tuple of str, (numbers, parameters) array
+            Names of k numbers, and the derivative of each by each parameter.
+
+        Raises
+        ------
+        ParameterError
+            A name is unknown, or a number does not depend smoothly on a design parameter.
+        """
+        import numpy as np
+
+        if not parameters:
+            return (), np.zeros((0, 0))
+        own = route.numbers_of(self.description)
+        columns: list[Mapping[str, float]] = []
+        for name in parameters:
+            if name in self.description.parameters and self.source is not None:
+                columns.append(_design_derivative(self, name))
+            elif name in own:
+                columns.append({name: 1.0})
+            else:
+                raise _unknown_parameter(self, name, own)
+        numbers = tuple(number for number in own if any(number in column for column in columns))
+        return numbers, np.array([[column.get(number, 0.0) for column in columns] for number in numbers]).reshape(
+            len(numbers), len(parameters)
+        )
 
     def with_parameters(self, parameters: Mapping[str, float]) -> Recipe:
         """Return the recipe for the same source with some more parameters changed.
@@ -118,6 +178,59 @@ class Recipe:
         return replace(self, description=read(self.source, parameters=overrides), overrides=tuple(overrides.items()))
 
 
+# Seven points: weights of the derivative at the middle one (pairs), and at the first one; exact up to degree 6.
+_CENTRAL = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))
+_FORWARD = ((1, 6.0), (2, -7.5), (3, 20.0 / 3.0), (4, -3.75), (5, 1.2), (6, -1.0 / 6.0))
+# Share of a parameter's value between two points, and the distance where the value is zero.
+_SPACING = 0.01
+# The five inner points must give the same derivative: lengths to the fifth power in an inertia differ by less.
+_SMOOTH = 1e-3
+
+
+@functools.lru_cache(maxsize=256)
+def _design_derivative(recipe: Recipe, name: str) -> Mapping[str, float]:
+    """Derivatives of the route's numbers by a design parameter, where they are not zero."""
+    from leg_dynamics.description import read
+
+    assert recipe.source is not None
+    route = recipe.backend()
+    value = recipe.description.parameters[name].value
+    h = _SPACING * abs(value) or _SPACING
+
+    def numbers(k: int) -> dict[str, float]:
+        overrides = dict(recipe.overrides) | {name: value + k * h}
+        return route.numbers_of(read(recipe.source, parameters=overrides))  # type: ignore[attr-defined, arg-type]
+
+    centre = route.numbers_of(recipe.description)  # type: ignore[attr-defined]
+    try:
+        samples = {k: numbers(k) for k in (-3, -2, -1, 1, 2, 3)}
+    except LegDynamicsError:
+        # the parameter ends here: a length or a mass of zero
+        try:
+            samples = {k: numbers(k) for k in range(1, 7)}
+        except LegDynamicsError as error:
+            raise ParameterError(
+                f"{name} = {value:g} cannot be changed by {6 * h:g} without breaking the mechanism: {error}"
+            ) from error
+    derivatives = {}
+    for number, middle in centre.items():
+        if -1 in samples:
+            slopes = [(samples[k][number] - samples[-k][number]) * weight for k, weight in _CENTRAL]
+            rough = (8.0 * (samples[1][number] - samples[-1][number]) - samples[2][number] + samples[-2][number]) / 12.0
+        else:
+            slopes = [(samples[k][number] - middle) * weight for k, weight in _FORWARD]
+            rough = sum(slopes)
+        slope = sum(slopes)
+        if abs(slope - rough) > _SMOOTH * max(abs(slope), abs(rough)) + 1e-12 * abs(middle):
+            raise ParameterError(
+                f"{number} does not depend smoothly on {name} near {value:g}: its derivative there is {rough / h:.6g} "
+                f"by five points and {slope / h:.6g} by seven; differentiate by the numbers of the mechanism instead"
+            )
+        if abs(slope) > 1e-14 * abs(middle):
+            derivatives[number] = slope / h
+    return derivatives
+
+
 def load(
     source: str | os.PathLike[str],
     route: str | None = None,
@@ -126,6 +239,7 @@ def load(
     foot: str | None = None,
     parameters: Mapping[str, float] | None = None,
     transmission: str = "exact",
+    threads: int | None = None,
 ) -> Leg:
     """Load a leg.
 
@@ -133,8 +247,10 @@ def load(
     ----------
     source : str or path-like
         A shipped name (see `available`), the path of a .urdf or .xacro file, or XML text.
-    route : {"closed_form", "pinocchio"}, optional
-        What computes. Default: ``closed_form`` where the leg has formulas, else ``pinocchio``.
+    route : {"closed_form", "pinocchio", "symbolic"}, optional
+        What computes: the leg's hand-derived formulas; numeric algorithms for any mechanism; or any mechanism's
+        equations unrolled and compiled once, fast from then on. Default: ``closed_form`` where the leg has formulas,
+        else ``pinocchio``.
     urdf : str or path-like, optional
         With a shipped name: use that leg's formulas with this file's geometry, masses and inertias.
     foot : str, optional
@@ -145,6 +261,9 @@ def load(
     transmission : str
         Model of the drive train where the leg's formulas offer several: ``exact``, ``paper`` (as published) or ``none``
         (its rotary inertia left out) for the OmniLeg.
+    threads : int, optional
+        Threads that a large batch is split over by the routes ``closed_form`` and ``symbolic``; by default as many as
+        pay, at most one a processor. Results do not depend on it.
 
     Returns
     -------
@@ -180,8 +299,20 @@ def load(
     formulas = named if named is not None and has_closed_form(named) else None
     if route is None:
         route = "closed_form" if formulas is not None else "pinocchio"
+    if threads is not None and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
+        raise ParameterError(f"threads must be a whole number, at least 1, got {threads!r}", parameter="threads")
     given = tuple(overrides.items())
-    return Recipe(description, route, formulas, _foot(description, foot), origin, given, transmission).build()
+    return Recipe(description, route, formulas, _foot(description, foot), origin, given, transmission, threads).build()
+
+
+def _unknown_parameter(recipe: Recipe, name: object, numbers: Iterable[str]) -> ParameterError:
+    listed = [*recipe.description.parameters, *numbers]
+    near = difflib.get_close_matches(str(name), listed, n=1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return ParameterError(
+        f"{recipe.description.name!r} has no parameter {name!r}{hint}: see leg.parameters and leg.numbers",
+        parameter=name,
+    )
 
 
 def _source(source: Any) -> str:
@@ -210,9 +341,16 @@ def _foot(description: Description, foot: str | None) -> str | None:
     return foot
 
 
+def _recipe_of(leg: Leg) -> Recipe:
+    recipe = leg.recipe
+    if not isinstance(recipe, Recipe):
+        raise RouteError(f"{leg.name!r} was not made by load: it has no other route")
+    return recipe
+
+
 def routes_of(leg: Leg) -> tuple[str, ...]:
     """Names of the routes that this leg's file and foot can be loaded with."""
-    recipe = leg.recipe
+    recipe = _recipe_of(leg)
     formulas = recipe.formulas is not None and recipe.foot == "foot"
     if recipe.transmission != "exact":
         return (leg.route,)
@@ -229,7 +367,7 @@ def sibling(leg: Leg, route: str) -> Leg:
     """
     if route not in ROUTES:
         raise RouteError(f"route {route!r} does not exist: choose one of {', '.join(ROUTES)}")
-    return replace(leg.recipe, route=route).build()
+    return replace(_recipe_of(leg), route=route).build()
 
 
 def with_text(leg: Leg, urdf: str) -> Leg:
@@ -242,4 +380,4 @@ def with_text(leg: Leg, urdf: str) -> Leg:
     """
     from leg_dynamics.description import parse
 
-    return replace(leg.recipe, description=parse(urdf), source=None, overrides=()).build()
+    return replace(_recipe_of(leg), description=parse(urdf), source=None, overrides=()).build()

@@ -27,12 +27,17 @@ class Formula(NamedTuple):
 
 
 def _reduced(module: ModuleType, name: str) -> Callable[..., Any]:
-    """The formula with inertia reduced to base parameters, where the leg has one."""
-    return getattr(module, "REDUCED", {}).get(name, getattr(module, name))
+    """The formula with inertia reduced to composite parameters, where the leg has one."""
+    composite = getattr(module, f"composite_{name}", None)
+    if composite is None:
+        return getattr(module, name)
+    return lambda leg, *components: composite(leg, module.composite_parameters(leg), *components)
 
 
 def _loaded(module: ModuleType, leg: Any, q: Any, v: Any, a: Any, force: Any, gravity: Any) -> Any:
-    free = _reduced(module, "inverse_dynamics")(leg, q, v, a, gravity)
+    if hasattr(module, "composite_inverse_dynamics"):
+        return module.composite_inverse_dynamics(leg, module.composite_parameters(leg), q, v, a, gravity, force)
+    free = module.inverse_dynamics(leg, q, v, a, gravity)
     return tuple(x + y for x, y in zip(free, module.foot_force_torque(leg, q, force), strict=True))
 
 
@@ -41,9 +46,12 @@ def _unloaded(module: ModuleType, leg: Any, q: Any, v: Any, a: Any) -> Any:
 
 
 def _accelerated(module: ModuleType, leg: Any, q: Any, v: Any, force_of_joints: Any, force: Any, gravity: Any) -> Any:
+    if hasattr(module, "composite_forward_dynamics"):
+        parameters = module.composite_parameters(leg)
+        return module.composite_forward_dynamics(leg, parameters, q, v, force_of_joints, gravity, force)
     push = module.foot_force_torque(leg, q, force)
     free = tuple(x - y for x, y in zip(force_of_joints, push, strict=True))
-    return _reduced(module, "forward_dynamics")(leg, q, v, free, gravity)
+    return module.forward_dynamics(leg, q, v, free, gravity)
 
 
 def _in_tree_order(module: ModuleType, leg: Any, q: Any) -> Any:
@@ -51,12 +59,12 @@ def _in_tree_order(module: ModuleType, leg: Any, q: Any) -> Any:
     return tuple(coordinates[name] for name in module.TREE_JOINT_NAMES)
 
 
-def _plain(name: str, *inputs: str, reduced: bool = False) -> Formula:
+def _plain(name: str, *inputs: str, reduced: bool = False, effort: str = "") -> Formula:
     def function(module: ModuleType, leg: Any, *components: Any) -> Any:
         formula = _reduced(module, name) if reduced else getattr(module, name)
         return formula(leg, *components)
 
-    return Formula(inputs, function)
+    return Formula(inputs, function, effort)
 
 
 FORMULAS: dict[str, Formula] = {
@@ -71,9 +79,17 @@ FORMULAS: dict[str, Formula] = {
     "generalized_force": Formula(("q", "v", "a", "foot_force", "gravity"), _loaded),
     "torque": Formula(("q", "v", "a"), _unloaded, effort="output"),
     "loaded_torque": Formula(("q", "v", "a", "foot_force", "gravity"), _loaded, effort="output"),
+    "regressor": _plain("regressor", "q", "v", "a", "gravity", effort="output"),
     "acceleration": Formula(("q", "v", "tau", "foot_force", "gravity"), _accelerated, effort="tau"),
 }
 """Kernels by name; ``torque`` has the file's gravity and no force on the foot."""
+
+
+DERIVATIVES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "torque_derivatives": ("loaded_torque", ("q", "v", "a")),
+    "acceleration_derivatives": ("acceleration", ("q", "v", "tau")),
+}
+"""Kernels of derivatives: the formula and its inputs that they are taken by, their columns side by side."""
 
 
 class FormulaKernels:
@@ -105,9 +121,10 @@ class FormulaKernels:
         Parameters
         ----------
         name : str
-            One of `FORMULAS`, or ``inverse_kinematics``.
+            One of `FORMULAS` or `DERIVATIVES`, or ``inverse_kinematics``.
         vary : sequence of str
-            Names of numbers (see `named_numbers`) that become a last input ``parameters`` instead of constants.
+            Names of numbers (see `named_numbers`) that become a last input ``parameters`` instead of constants; for
+            derivatives, the numbers that further columns are taken by, at their values.
         branch : str, optional
             Of the inverse kinematics.
         """
@@ -129,6 +146,8 @@ class FormulaKernels:
         """
         if name == "inverse_kinematics":
             return self._inverse_kinematics(branch, vary)
+        if name in DERIVATIVES:
+            return self._derivatives(name, vary)
         formula = FORMULAS[name]
 
         def traced(leg: Any, symbols: Sequence[Any]) -> tuple[Any, list[Any]]:
@@ -159,6 +178,19 @@ class FormulaKernels:
             return found.q, [found.margin]
 
         return self._trace("inverse_kinematics", ("p",), traced, vary)
+
+    def _derivatives(self, name: str, vary: Sequence[str]) -> Program:
+        """Columns of the formula's Jacobian by its arguments and by some of the leg's numbers."""
+        import casadi
+
+        from leg_dynamics.kernels import differentiated
+
+        formula, arguments = DERIVATIVES[name]
+        plain = self.program(formula, vary)
+        by = [*arguments, "parameters"] if vary else list(arguments)
+        known = named_numbers(self.leg)
+        fixed = {"parameters": [known[number] for number in vary]} if vary else {}
+        return differentiated(plain, name, by, {label: casadi.DM(values) for label, values in fixed.items()})
 
     def _trace(
         self,

@@ -23,6 +23,12 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
+from leg_dynamics.closed_form import _omnileg_composite
+from leg_dynamics.closed_form._omnileg_composite import (
+    BASE_PARAMETER_NAMES,
+    BASE_PARAMETER_UNITS,
+    CompositeParameters,
+)
 from leg_dynamics.closed_form.algebra import (
     IDENTITY,
     ZERO,
@@ -67,6 +73,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ARCCOS_TOLERANCE",
+    "BASE_PARAMETER_NAMES",
+    "BASE_PARAMETER_UNITS",
     "BODY_NAMES",
     "BRANCHES",
     "JOINT_NAMES",
@@ -77,6 +85,7 @@ __all__ = [
     "Angle",
     "Body",
     "CentreOfMass",
+    "CompositeParameters",
     "Dissipation",
     "InverseKinematics",
     "Motion",
@@ -84,6 +93,7 @@ __all__ = [
     "Pose",
     "Screw",
     "Turning",
+    "base_parameters",
     "bias",
     "body_motions",
     "branch_angles",
@@ -94,6 +104,13 @@ __all__ = [
     "cardan_angles",
     "centre_of_mass",
     "closure_residual",
+    "composite_bias",
+    "composite_forward_dynamics",
+    "composite_gravity_torque",
+    "composite_inverse_dynamics",
+    "composite_mass_matrix",
+    "composite_parameters",
+    "composite_potential_energy",
     "dissipation_torque",
     "exponential",
     "foot_acceleration",
@@ -122,6 +139,7 @@ __all__ = [
     "passive_angles",
     "potential_energy",
     "product_of_exponentials",
+    "regressor",
     "shank_motions",
     "singularity_margins",
     "transmission_angular_velocities",
@@ -1149,6 +1167,103 @@ def gravity_torque(leg: OmniLeg, q: Vector, gravity: Vector) -> Vector:
 def forward_dynamics(leg: OmniLeg, q: Vector, v: Vector, torque: Vector, gravity: Vector) -> Vector:
     """Joint accelerations (rad/s²) under joint torques (N·m), without a foot force: (46) solved for them."""
     return solve_symmetric(mass_matrix(leg, q), subtract(torque, bias(leg, q, v, gravity)))
+
+
+# 3 Dynamics: (44)-(46) reduced to composite parameters. The functions above are the paper's equations body by body and
+# the oracle of the functions below, which are equal to them and cost a tenth of their arithmetic.
+
+
+def composite_parameters(leg: OmniLeg) -> CompositeParameters:
+    """Composite inertial parameters of a leg: what (44)-(46) need of its masses, centres of mass, tensors and rotors.
+
+    They depend on the leg's lengths and transmission model too; compute them anew after changing either. Sums that
+    cancel but for rounding are exactly zero.
+    """
+    return _omnileg_composite.composite_parameters(leg)
+
+
+def base_parameters(leg: OmniLeg) -> Vector:
+    """Composite parameters that torques depend on, in the order of `BASE_PARAMETER_NAMES` of the leg's model."""
+    parameters = composite_parameters(leg)
+    return tuple(getattr(parameters, name) for name in BASE_PARAMETER_NAMES[leg.transmission])
+
+
+def composite_inverse_dynamics(
+    leg: OmniLeg,
+    parameters: CompositeParameters,
+    q: Vector,
+    v: Vector,
+    a: Vector,
+    gravity: Vector,
+    force: Vector = ZERO,
+) -> Vector:
+    """Joint torques of (45), N·m: `inverse_dynamics` by composite parameters, and with a force `foot_force_torque`.
+
+    Parameters
+    ----------
+    leg : OmniLeg
+        Only its lengths L1 and L4, its transmission model and its dissipation are used.
+    parameters : CompositeParameters
+        Those of this leg, see `composite_parameters`; torques without dissipation are linear in them.
+    q, v, a : tuples of 3 scalars
+        Angles (rad), velocities (rad/s) and accelerations (rad/s²) of alpha, beta, gamma.
+    gravity : tuple of 3 scalars
+        Acceleration of gravity in the hip frame, m/s².
+    force : tuple of 3 scalars
+        Force that the environment applies to the foot, N; (49) and (50) have the opposite sign.
+    """
+    torque = _omnileg_composite.inverse_dynamics(leg, parameters, q, v, a, gravity, force)  # (45), (50)
+    return add(torque, dissipation_torque(leg, q, v))
+
+
+def composite_bias(leg: OmniLeg, parameters: CompositeParameters, q: Vector, v: Vector, gravity: Vector) -> Vector:
+    """V + G of (46), and the torque that overcomes damping and friction, N·m: `bias` by composite parameters."""
+    return composite_inverse_dynamics(leg, parameters, q, v, ZERO, gravity)  # (46)
+
+
+def composite_mass_matrix(leg: OmniLeg, parameters: CompositeParameters, q: Vector) -> Matrix:
+    """Inertia matrix M of (46), kg·m², rotors included: `mass_matrix` by composite parameters."""
+    return _omnileg_composite.mass_matrix(leg, parameters, q)  # (46)
+
+
+def composite_gravity_torque(leg: OmniLeg, parameters: CompositeParameters, q: Vector, gravity: Vector) -> Vector:
+    """G of (46), N·m: `gravity_torque` by composite parameters."""
+    return _omnileg_composite.gravity_torque(leg, parameters, q, gravity)  # (46)
+
+
+def composite_potential_energy(leg: OmniLeg, parameters: CompositeParameters, q: Vector, gravity: Vector) -> Scalar:
+    """Potential energy of (44), J, zero at O0: `potential_energy` by composite parameters.
+
+    Its part that no torque can tell is -gravity · (fixed_x, fixed_y, fixed_z) of the parameters.
+    """
+    return _omnileg_composite.potential_energy(leg, parameters, q, gravity)  # (44)
+
+
+def composite_forward_dynamics(
+    leg: OmniLeg,
+    parameters: CompositeParameters,
+    q: Vector,
+    v: Vector,
+    torque: Vector,
+    gravity: Vector,
+    force: Vector = ZERO,
+) -> Vector:
+    """Joint accelerations (rad/s²): `forward_dynamics`, (46) solved by composite parameters.
+
+    `force` (N) is what the environment applies to the foot. M and the bias share one set of kinematics.
+    """
+    driving = subtract(torque, dissipation_torque(leg, q, v))
+    return _omnileg_composite.forward_dynamics(leg, parameters, q, v, driving, gravity, force)  # (46)
+
+
+def regressor(leg: OmniLeg, q: Vector, v: Vector, a: Vector, gravity: Vector) -> Matrix:
+    """Matrix Y (3 x n) of (45) = Y pi, pi = `base_parameters`: what identification needs.
+
+    Of the leg only L1 and the transmission model are used. Rotors are in pi; damping, friction and a foot force are
+    not: subtract `dissipation_torque` and `foot_force_torque` from measured torques. Over random states Y has full
+    column rank, so that no parameter is a sum of others. A column's unit is N·m over its `BASE_PARAMETER_UNITS`.
+    """
+    return _omnileg_composite.regressor(leg, q, v, a, gravity)
 
 
 # 3 Dynamics: foot force, (47)-(50). Here a foot force is the one that the ENVIRONMENT applies to the FOOT:

@@ -11,8 +11,10 @@ Any module of this package serves that has ``JOINT_NAMES``, ``TREE_JOINT_NAMES``
 
 and, where it has models to choose between, ``OPTIONS`` (a mapping of names to allowed values, which `from_urdf` takes
 as keywords); where it has singular configurations, ``singularity_margins(leg, q)`` (values that vanish there) with
-``SINGULARITY_LIMIT``; where its inertia reduces to fewer base parameters, ``REDUCED`` (formulas by the names above that
-compute the same from them) and ``base_parameters``, ``regressor`` (see `leg_dynamics.closed_form.omnileg`).
+``SINGULARITY_LIMIT``; where its inertia reduces to fewer base parameters, ``composite_parameters(leg)`` and the dynamic
+formulas above as ``composite_inverse_dynamics(leg, parameters, q, v, a, gravity, force)`` and so on, which kernels then
+use (``force`` acts on the foot; ``composite_forward_dynamics`` takes it too), and
+``BASE_PARAMETER_NAMES``, ``BASE_PARAMETER_UNITS``, ``base_parameters(leg)``, ``regressor(leg, q, v, a, gravity)``.
 
 The methods run the formulas as kernels (see `compiled`); `ClosedFormRoute.plain` evaluates the same formulas on floats
 and arrays, which says why a row failed.
@@ -22,7 +24,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import pickle
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +32,7 @@ import numpy as np
 
 from leg_dynamics import closed_form
 from leg_dynamics.closed_form.compiled import FormulaKernels
+from leg_dynamics.closed_form.numbers import named_numbers
 from leg_dynamics.description.topology import actuated_joints
 from leg_dynamics.errors import (
     FormulaAssumptionError,
@@ -37,6 +40,7 @@ from leg_dynamics.errors import (
     RouteError,
     RowFailures,
     SingularityError,
+    UnsupportedError,
 )
 from leg_dynamics.kernels import Kernel, cache
 
@@ -127,6 +131,7 @@ class ClosedFormRoute:
         self.module = module = _checked_module(formulas, options)
         self.options = options
         self.threads = threads
+        self.formulas = formulas
         ingredients = _ingredients(formulas, description, options)
         self.numbers = _numbers(module, description, options, ingredients)
         self.joint_names: tuple[str, ...] = tuple(module.JOINT_NAMES)
@@ -197,12 +202,14 @@ class ClosedFormRoute:
         assert result is not None
         return result
 
-    def _run(self, name: str, failures: RowFailures, q: np.ndarray, *others: np.ndarray) -> np.ndarray:
+    def _run(
+        self, name: str, failures: RowFailures, q: np.ndarray, *others: np.ndarray, vary: Sequence[str] = ()
+    ) -> np.ndarray:
         """Evaluate a kernel whose first argument is q; rows at singular configurations fail.
 
         What overflows at a regular configuration is left NaN: the interface reports it.
         """
-        kernel = self.kernels.get(name)
+        kernel = self.kernels.get(name, vary)
         before = kernel.counter[0]
         result: np.ndarray = kernel(q, *others, threads=1 if q.ndim == 1 else self.threads)
         if kernel.counter[0] != before and hasattr(self.module, "singularity_margins"):
@@ -299,6 +306,65 @@ class ClosedFormRoute:
     ) -> np.ndarray:
         """Forward dynamics, (..., n)."""
         return self._run("acceleration", failures, q, v, tau, *self._loads(foot_force, gravity))
+
+    def torque_derivatives(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        foot_force: np.ndarray | None,
+        gravity: np.ndarray | None,
+        numbers: tuple[str, ...],
+        failures: RowFailures,
+    ) -> np.ndarray:
+        """Efforts differentiated by q, v, a and by some of `numbers_of`, columns side by side, (..., m, 3 n + k)."""
+        return self._run("torque_derivatives", failures, q, v, a, *self._loads(foot_force, gravity), vary=numbers)
+
+    def acceleration_derivatives(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        tau: np.ndarray,
+        foot_force: np.ndarray | None,
+        gravity: np.ndarray | None,
+        numbers: tuple[str, ...],
+        failures: RowFailures,
+    ) -> np.ndarray:
+        """Accelerations differentiated by q, v, tau and by some of `numbers_of`, (..., n, 2 n + m + k)."""
+        arguments = (q, v, tau, *self._loads(foot_force, gravity))
+        return self._run("acceleration_derivatives", failures, *arguments, vary=numbers)
+
+    def numbers_of(self, description: Description) -> dict[str, float]:
+        """Names and values of the numbers that the formulas take from a description."""
+        ingredients = _ingredients(self.formulas, description, self.options)
+        return dict(named_numbers(_numbers(self.module, description, self.options, ingredients)))
+
+    @property
+    def base_parameters(self) -> dict[str, tuple[float, str]]:
+        """Values and units of the base parameters by name; empty where the leg has no reduction to them."""
+        if not hasattr(self.module, "regressor"):
+            return {}
+        names, units = self._base_names()
+        values = self.module.base_parameters(self.numbers)
+        return {name: (float(value), units[name]) for name, value in zip(names, values, strict=True)}
+
+    def _base_names(self) -> tuple[tuple[str, ...], Mapping[str, str]]:
+        model = self.options.get("transmission", "exact")
+        return self.module.BASE_PARAMETER_NAMES[model], self.module.BASE_PARAMETER_UNITS
+
+    def regressor(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None, failures: RowFailures
+    ) -> np.ndarray:
+        """Matrix Y of efforts = Y base_parameters, losses and foot force aside, (..., m, k).
+
+        Raises
+        ------
+        UnsupportedError
+            The leg has no reduction to base parameters.
+        """
+        if not hasattr(self.module, "regressor"):
+            raise UnsupportedError(f"the formulas {self.module.__name__!r} have no regressor", route=self.name)
+        return self._run("regressor", failures, q, v, a, self.gravity if gravity is None else gravity)
 
     def _loads(self, foot_force: np.ndarray | None, gravity: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         return _NO_FORCE if foot_force is None else foot_force, self.gravity if gravity is None else gravity

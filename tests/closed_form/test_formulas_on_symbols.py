@@ -29,6 +29,8 @@ NOT_A_FORMULA_OF_A_LEG = {
     "product_of_exponentials",
     "centre_of_mass",  # through kinetic_energy and bias
     "from_urdf",
+    "composite_parameters",  # through the formulas that use them
+    "base_parameters",
 }
 FORMULAS = sorted(
     name
@@ -39,12 +41,15 @@ FORMULAS = sorted(
 
 def names_of(function):
     parameters = inspect.signature(function).parameters
-    return tuple(name for name in parameters if name not in ("leg", "branch", "k"))
+    return tuple(name for name in parameters if name not in ("leg", "parameters", "branch", "k"))
 
 
 def call(name, leg, arguments):
     function = getattr(omnileg, name)
-    leading = (leg,) if "leg" in inspect.signature(function).parameters else ()
+    wanted = inspect.signature(function).parameters
+    leading = (leg,) if "leg" in wanted else ()
+    if "parameters" in wanted:
+        leading = (leg, omnileg.composite_parameters(leg))
     if name == "branch_pose":
         return function(leg, 2, *arguments)
     if name.startswith("inverse_kinematics"):
