@@ -16,7 +16,7 @@ from leg_dynamics.analysis.trajectories import (
     omnileg_eq53_cycle,
     quintic,
 )
-from leg_dynamics.errors import AssemblyError, NonFiniteError, ShapeError, TrajectoryError
+from leg_dynamics.errors import AssemblyError, NonFiniteError, RowError, ShapeError, TrajectoryError
 
 from .toy_legs import Polar
 
@@ -48,6 +48,25 @@ def test_the_end_itself_is_feasible_and_beyond_is_not():
             leg.inverse_kinematics(
                 ALONG_X.translated((end + outward * 1e-9) * np.array([0.0, 0.6, 0.8])).value([0.0, 1.0])
             )
+
+
+@pytest.mark.parametrize(
+    ("curve", "least"),
+    [
+        (omnileg_eq51_path(0.0), 0.33906622462490),
+        (omnileg_eq53_cycle(0.0).curve, 0.36946818089029),
+        (omnileg_eq53_cycle(0.0, start=(0.0, -0.05)).curve, 0.3765595),
+    ],
+)
+def test_both_ends_are_feasible_at_every_time_of_a_fine_grid(omnileg, curve, least):
+    (window,) = feasible_offset_windows(omnileg, curve)
+    assert window.lower >= least - 1e-13
+    assert window.lower == pytest.approx(least, abs=1e-7)
+    path = curve.value(np.linspace(curve.start_time, curve.end_time, 400001))
+    for end, outward in ((window.lower, -1.0), (window.upper, 1.0)):
+        omnileg.inverse_kinematics(path + np.array([0.0, 0.0, end]))
+        with pytest.raises(RowError):
+            omnileg.inverse_kinematics(path + np.array([0.0, 0.0, end + outward * 1e-9]))
 
 
 def bump(height):
@@ -158,11 +177,11 @@ def test_the_other_route_finds_the_same_window(omnileg):
 @pytest.mark.parametrize(
     ("more", "error", "text"),
     [
-        ({"direction": (0.0, 1.0)}, ShapeError, "direction of three"),
+        ({"direction": (0.0, 1.0)}, ShapeError, "direction has shape .* three components"),
         ({"direction": (0.0, 0.0, math.nan)}, NonFiniteError, "direction"),
         ({"direction": (0.0, 0.0, 0.0)}, TrajectoryError, "is zero"),
         ({"limits": "perhaps"}, TrajectoryError, "limits must be"),
-        ({"scan": 1}, TrajectoryError, "at least two"),
+        ({"scan": 1}, TrajectoryError, "scan must be at least 2"),
         ({"search": (1.0, 0.0)}, TrajectoryError, "lower to a higher"),
     ],
 )

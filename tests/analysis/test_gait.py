@@ -73,7 +73,7 @@ def test_open_cycles_are_refused():
         ({"lift": (0.0, 0.0, math.nan)}, NonFiniteError, "lift"),
         ({"swing_duration": 0.0}, TrajectoryError, "swing duration"),
         ({"stance_duration": -1.0}, TrajectoryError, "stance duration"),
-        ({"stance": "hop"}, TrajectoryError, "'minimum_jerk' or 'uniform'"),
+        ({"stance": "hop"}, TrajectoryError, '"minimum_jerk" or "uniform"'),
     ],
 )
 def test_bad_gaits_are_named(change, error, text):

@@ -12,6 +12,7 @@ import leg_dynamics as ld
 from leg_dynamics.analysis.trajectories import (
     Trajectory,
     named,
+    named_cycle,
     omnileg_eq51,
     omnileg_eq51_path,
     omnileg_eq52,
@@ -219,3 +220,18 @@ def test_registry_can_ignore_limits():
     with pytest.raises(JointLimitError, match="gamma"):
         named(short)["eq51"](5.0, 10.0)
     assert np.degrees(named(short, limits="ignore")["eq51"](5.0, 10.0).q[:, 2].max()) > 85.0
+
+
+def test_registry_knows_the_gait_behind_a_trajectory(leg):
+    for owner in (leg, "omnileg"):
+        cycle = named_cycle(owner, "eq53")
+        np.testing.assert_array_equal(cycle.curve.coefficients, omnileg_eq53_cycle().curve.coefficients)
+        assert [named_cycle(owner, name) for name in ("eq51", "eq52", "no_such")] == [None] * 3
+    assert named_cycle("no_such", "eq53") is None
+
+
+def test_no_motion_has_two_names():
+    motions = named(ld.load("omnileg"))
+    assert list(motions) == ["eq52", "eq52_45deg", "eq51", "eq53"]
+    ends = {factory(1.3, 10.0).q[-1].tobytes() for factory in motions.values()}
+    assert len(ends) == len(motions)

@@ -112,7 +112,7 @@ def test_only_like_motions_join():
         concatenate(FORTH, quintic([0.0], [1.0], 1.0))
     with pytest.raises(ShapeError, match="not list"):
         concatenate(FORTH, [1.0])
-    with pytest.raises(TrajectoryError, match="continuity is one of"):
+    with pytest.raises(TrajectoryError, match="continuity must be"):
         concatenate(FORTH, BACK, continuity="jerk")
 
 
@@ -126,7 +126,7 @@ def test_repetition(make):
     with pytest.raises(TrajectoryError, match="position jumps"):
         repeat(make(FORTH), 2)
     for count in (0, -1, 1.5, True):
-        with pytest.raises(TrajectoryError, match="1, 2, 3"):
+        with pytest.raises(TrajectoryError, match="at least 1"):
             repeat(cycle, count)
 
 
@@ -292,7 +292,7 @@ def test_seam_and_periodicity():
         check_periodic(half)
     with pytest.raises(TrajectoryError, match=r"'eq51' is not periodic: .*position jumps by \(0, -0\.1, 0\)"):
         check_periodic(omnileg_eq51_path())
-    with pytest.raises(TrajectoryError, match="continuity is one of"):
+    with pytest.raises(TrajectoryError, match="continuity must be"):
         check_periodic(motion, continuity="snap")
 
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.interpolate import make_interp_spline
 
 from leg_dynamics.analysis.trajectories import PiecewisePolynomial, minimum_jerk, quintic
 from leg_dynamics.errors import NonFiniteError, ShapeError, TrajectoryError
@@ -187,7 +188,7 @@ def test_bad_durations_are_named(duration):
         ([[0.0]], [0.0], ShapeError, "m >= 2"),
         ([0.0, 1.0], [0.0, 1.0], ShapeError, "points have shape"),
         ([[0.0], [1.0]], [0.0, 1.0, 2.0], ShapeError, "times"),
-        ([[0.0], [1.0, 2.0]], [0.0, 1.0], ShapeError, "do not fit"),
+        ([[0.0], [1.0, 2.0]], [0.0, 1.0], ShapeError, "points must be an array"),
         ([[0.0], [math.nan]], [0.0, 1.0], NonFiniteError, "NaN"),
         ([[0.0], [1.0]], [1.0, 1.0], TrajectoryError, "must increase"),
     ],
@@ -210,3 +211,56 @@ def test_bad_points_are_named(points, times, error, text):
 def test_bad_samples_are_named(arguments, error):
     with pytest.raises(error):
         PiecewisePolynomial.through_samples(*arguments)
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 12])
+def test_via_points_agree_with_a_general_spline_solver(count):
+    random = np.random.default_rng(count)
+    times, points = np.cumsum(random.uniform(0.3, 1.5, count)), random.normal(size=(count, 2))
+    v0, a0, v1, a1 = random.normal(size=(4, 2))
+    curve = minimum_jerk(points, times, start_velocity=v0, start_acceleration=a0, end_velocity=v1, end_acceleration=a1)
+    oracle = make_interp_spline(times, points, k=5, bc_type=([(1, v0), (2, a0)], [(1, v1), (2, a1)]))
+    dense = np.linspace(times[0], times[-1], 301)
+    for order in range(4):
+        scale = np.abs(oracle(dense, nu=order)).max()
+        np.testing.assert_allclose(curve.value(dense, order), oracle(dense, nu=order), atol=1e-9 * scale)
+
+
+@pytest.mark.parametrize("turn", [False, True])
+@pytest.mark.parametrize("step", [1e-1, 1e-2, 1e-3])
+def test_unequal_steps_pass_their_points(step, turn):
+    times = [0.0, 1.0 - step, 1.0] if turn else [0.0, step, 1.0]
+    curve = minimum_jerk([[0.0], [1.0], [2.0]], times)
+    np.testing.assert_allclose(curve.value(times)[:, 0], [0.0, 1.0, 2.0], atol=2e-9)
+    # The left side of a point too: the value there is the next piece's.
+    np.testing.assert_allclose(curve.value(np.nextafter(times[1:], 0.0))[:, 0], [1.0, 2.0], atol=3e-9)
+    # The gradient of the integral vanishes: no jump, in units of the largest terms.
+    assert curve.jumps(3, 1e-9) == curve.jumps(4, 1e-9) == ()
+
+
+@pytest.mark.parametrize("turn", [False, True])
+@pytest.mark.parametrize("step", [1e-6, 1e-9, 1e-15])
+def test_steps_too_unequal_to_pass_the_points_are_refused(step, turn):
+    times = [0.0, 1.0 - step, 1.0] if turn else [0.0, step, 1.0]
+    with pytest.raises(
+        TrajectoryError, match=r"miss its point at t = \S+ s by .* times shorter than the longest"
+    ) as error:
+        minimum_jerk([[0.0], [1.0], [2.0]], times)
+    assert error.value.ratio == pytest.approx(np.diff(times).max() / np.diff(times).min())
+
+
+def test_steps_out_of_range_are_refused():
+    for step in (1e-70, 1e-200, 5e-324):
+        with pytest.raises(TrajectoryError, match=r"the step of \S+ s"):
+            minimum_jerk([[0.0], [1.0], [2.0]], [0.0, step, 1.0])
+    with pytest.raises(TrajectoryError, match="too short or too long"):
+        quintic([0.0], [1.0], 1e-100)
+
+
+def test_close_points_that_fit_the_motion_may_be_close():
+    # Where the points lie on a smooth motion, even a large ratio of steps does no harm.
+    times = np.array([0.0, 1.0, 1.0 + 1e-4, 2.0])
+    smooth = quintic([0.0], [1.0], 2.0)
+    curve = minimum_jerk(smooth.value(times), times)
+    dense = np.linspace(0.0, 2.0, 101)
+    np.testing.assert_allclose(curve.value(dense), smooth.value(dense), atol=1e-9)

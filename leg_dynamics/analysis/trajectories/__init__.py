@@ -39,7 +39,7 @@ from leg_dynamics.analysis.trajectories.polynomial import (
     minimum_jerk,
     quintic,
 )
-from leg_dynamics.analysis.trajectories.registry import FootTrajectory, TrajectoryFactory, follow, named
+from leg_dynamics.analysis.trajectories.registry import FootTrajectory, TrajectoryFactory, follow, named, named_cycle
 from leg_dynamics.analysis.trajectories.trajectory import Trajectory, force_during, sample_times
 
 __all__ = [
@@ -64,6 +64,7 @@ __all__ = [
     "jerk_jumps",
     "minimum_jerk",
     "named",
+    "named_cycle",
     "omnileg_eq51",
     "omnileg_eq51_path",
     "omnileg_eq52",

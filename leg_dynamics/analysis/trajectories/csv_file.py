@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 import re
 import stat
 import warnings
@@ -14,6 +15,7 @@ from typing import Any, NoReturn, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from leg_dynamics.analysis import arguments
 from leg_dynamics.analysis.trajectories.trajectory import Trajectory
 from leg_dynamics.errors import LegDynamicsWarning, RowError, TrajectoryError
 
@@ -90,8 +92,9 @@ def from_csv(path: str | Path, leg: _Leg, *, limits: str = "error") -> Trajector
     OutOfReachError, JointLimitError
         A foot position cannot be reached, or a coordinate leaves its limits; the text starts with file and line.
     """
-    if limits not in ("error", "ignore"):
-        raise TrajectoryError(f'limits must be "error" or "ignore", not {limits!r}')
+    arguments.choice("limits", limits, ("error", "ignore"))
+    arguments.having("leg", leg, ("joint_names", "units", "limits"), "load one with leg_dynamics.load")
+    arguments.kind("the path of a CSV file", path, str, os.PathLike)
     path = Path(path)
     cells, lines = _read_cells(path)
     names = list(leg.joint_names)

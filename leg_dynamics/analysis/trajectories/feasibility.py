@@ -9,20 +9,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from leg_dynamics.analysis.trajectories.foot_path import FootLeg
+from leg_dynamics.analysis import arguments
+from leg_dynamics.analysis.trajectories.foot_path import FootLeg, check_leg
 from leg_dynamics.analysis.trajectories.polynomial import PiecewisePolynomial
-from leg_dynamics.errors import NonFiniteError, OutOfReachError, RowError, ShapeError, TrajectoryError
+from leg_dynamics.errors import OutOfReachError, RowError, ShapeError, TrajectoryError
 
 __all__ = ["OffsetWindow", "feasible_offset_windows"]
 
 OFFSET_TOLERANCE = 1e-12
-"""m; of a window's ends."""
+"""m; of a window's ends, which lie at least this far inside."""
 
 PROBE = 1e-7
 """m; how far outside a window one looks for what ended it: beyond any route's tolerance on reach."""
 
+MAX_COUNT = 100_000
+"""Of scanned offsets, and of times; their product is the number of poses to solve for."""
+
+ROUNDING = 1e-14
+"""m or rad; of a margin."""
+
+TIME_TOLERANCE = 1e-9
+"""s; the margin is level where it is least, so that it is then met to rounding."""
+
 REFINEMENTS = 3
-"""Each one narrows the time at which the path touches the boundary eightfold."""
+"""Each one narrows the time at which the path touches the boundary eightfold, then minimises the margin around it."""
 
 
 @dataclass(frozen=True)
@@ -96,21 +106,23 @@ def feasible_offset_windows(
     ShapeError, NonFiniteError, TrajectoryError
         The arguments are not usable.
     """
-    vector = np.asarray(direction, dtype=float)
-    if vector.shape != (3,) or path.dimension != 3:
-        raise ShapeError(f"a path of three coordinates needs a direction of three, not shape {vector.shape}")
-    if not np.isfinite(vector).all():
-        raise NonFiniteError(f"direction = {vector.tolist()} is not finite")
+    check_leg(leg, "inverse_kinematics", "foot_position")
+    arguments.kind("path", path, PiecewisePolynomial, hint="quintic, minimum_jerk and gait_cycle(...).curve are some")
+    if path.dimension != 3:
+        raise ShapeError(
+            f"a path of the foot has three coordinates, x, y, z in metres, but {path.name!r} has {path.dimension}"
+        )
+    vector = arguments.vector("direction", direction, 3)
     if not vector.any():
         raise TrajectoryError("the direction of the offset is zero; give a direction, such as (0, 0, 1)")
-    if limits not in ("error", "ignore"):
-        raise TrajectoryError(f'limits must be "error" or "ignore", not {limits!r}')
-    if scan < 2 or samples < 2:
-        raise TrajectoryError(f"at least two offsets and two times are needed, not {scan} and {samples}")
+    arguments.choice("limits", limits, ("error", "ignore"))
+    scan, samples = arguments.whole("scan", scan, 2, MAX_COUNT), arguments.whole("samples", samples, 2, MAX_COUNT)
     margin = _Margin(leg, path, vector, branch, limits)
     times = np.union1d(np.linspace(path.start_time, path.end_time, samples), path.breaks)
-    low, high = _search_range(leg, path.value(times), vector) if search is None else search
-    if not (np.isfinite([low, high]).all() and low < high):
+    low, high = (
+        _search_range(leg, path.value(times), vector) if search is None else arguments.vector("search", search, 2, "m")
+    )
+    if low >= high:
         raise TrajectoryError(f"the search runs from a lower to a higher offset, not from {low:g} to {high:g} m")
     offsets = np.linspace(low, high, scan)
     feasible = np.array([margin.worst(offset, times) >= 0.0 for offset in offsets])
@@ -158,6 +170,17 @@ class _Margin:
     def worst(self, offset: float, times: NDArray[np.float64]) -> float:
         return float(self.rows(offset, times)[0].min())
 
+    def critical_time(self, offset: float, guess: float, start: float, end: float) -> float:
+        """Time of the least margin between two times around a guess, s; the guess where nothing is worse."""
+        from scipy.optimize import minimize_scalar
+
+        def at(time: float) -> float:
+            return float(self.rows(offset, np.array([time]))[0][0])
+
+        found = minimize_scalar(at, bounds=(start, end), method="bounded", options={"xatol": TIME_TOLERANCE})
+        # A path at rest is level to rounding: its own times, such as its end, are then the better answer.
+        return float(found.x) if found.fun < at(guess) - ROUNDING else guess
+
 
 def _end(
     margin: _Margin, times: NDArray[np.float64], offsets: NDArray[np.float64], inside: int, outside: int
@@ -187,9 +210,14 @@ def _end(
         margins, joints = margin.rows(edge - inwards * PROBE, times)
         worst = int(margins.argmin())
         when, why = float(times[worst]), int(joints[worst])
-        near = np.linspace(when - spacing, when + spacing, 17)
-        times = np.union1d(coarse, np.clip(near, margin.path.start_time, margin.path.end_time))
+        near = np.clip(np.linspace(when - spacing, when + spacing, 17), margin.path.start_time, margin.path.end_time)
+        when = margin.critical_time(edge - inwards * PROBE, when, near[0], near[-1])
+        times = np.union1d(coarse, np.append(near, when))
         spacing /= 8.0
+    # An end between two times of the last search would be infeasible at the time between: only this test counts.
+    edge, step = edge + inwards * OFFSET_TOLERANCE, OFFSET_TOLERANCE
+    while margin.worst(edge, times) < 0.0:
+        edge, step = edge + inwards * step, 2.0 * step
     return edge, "reach" if why < 0 else margin.leg.joint_names[why], when
 
 

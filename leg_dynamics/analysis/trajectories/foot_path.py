@@ -9,10 +9,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from leg_dynamics.analysis import arguments
 from leg_dynamics.analysis.trajectories.trajectory import Trajectory, validate_motion
 from leg_dynamics.errors import RowError, SingularityError, UnsupportedError
 
-__all__ = ["FootLeg", "FootPath"]
+__all__ = ["FootLeg", "FootPath", "check_leg"]
 
 LARGEST_CONDITION = 1e5
 """Of the foot Jacobian. Near a fold the coordinates err by eps * condition, and rates by eps * condition^2 of
@@ -49,6 +50,11 @@ class FootLeg(Protocol):
     def jacobian_derivative(self, q: Any, v: Any) -> Any:
         """Its time derivative, (..., 3, n)."""
         ...
+
+
+def check_leg(leg: Any, *methods: str) -> None:
+    """Refuse, by a ShapeError, what is not a leg that can do what is asked of it."""
+    arguments.having("leg", leg, ("joint_names", "limits", *methods), "load one with leg_dynamics.load")
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +105,7 @@ class FootPath:
 
     def with_foot_force(self, force: ArrayLike) -> FootPath:
         """Return a copy with a force of the environment on the foot, N, shape (3,) or (T, 3)."""
-        return replace(self, foot_force=np.asarray(force))
+        return replace(self, foot_force=arguments.reals("foot_force", force))
 
     def to_joint(self, leg: FootLeg, branch: str | None = None, *, limits: str = "error") -> Trajectory:
         """Joint motion that moves the foot along this path.
@@ -129,6 +135,8 @@ class FootPath:
         UnsupportedError
             The leg has not three independent coordinates, so that the path does not determine its motion.
         """
+        check_leg(leg, "inverse_kinematics", "jacobian", "jacobian_derivative")
+        arguments.choice("limits", limits, ("error", "ignore"))
         n = len(leg.joint_names)
         if n != 3:
             raise UnsupportedError(

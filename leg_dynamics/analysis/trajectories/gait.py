@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from leg_dynamics.analysis import arguments
 from leg_dynamics.analysis.trajectories.operations import check_periodic, concatenate
-from leg_dynamics.analysis.trajectories.polynomial import PiecewisePolynomial, positive_seconds, quintic
-from leg_dynamics.errors import NonFiniteError, ShapeError, TrajectoryError
+from leg_dynamics.analysis.trajectories.polynomial import PiecewisePolynomial, quintic
+from leg_dynamics.errors import NonFiniteError, ShapeError
 
 __all__ = ["GaitCycle", "gait_cycle", "lift_profile"]
 
@@ -39,6 +40,8 @@ class GaitCycle:
     """The whole cycle."""
 
     def __post_init__(self) -> None:
+        for what, part in (("the swing", self.swing), ("the stance", self.stance)):
+            arguments.kind(what, part, PiecewisePolynomial, hint="gait_cycle and quintic make one")
         curve = concatenate(self.swing, self.stance, name=self.name)
         if curve.dimension != 3:
             raise ShapeError(f"a gait cycle moves the foot in three coordinates, not {curve.dimension}")
@@ -60,16 +63,19 @@ class GaitCycle:
 
         Parameters
         ----------
-        time : array_like, shape (T,)
+        time : array_like, shape (...)
             s; the first swing starts at the swing's own first time. The moments of touch-down and lift-off count
             as stance, also where the times round.
 
         Returns
         -------
-        numpy.ndarray of bool, shape (T,)
+        numpy.ndarray of bool, shape (...)
         """
+        time = arguments.reals("time", time)
+        if not np.isfinite(time).all():
+            raise NonFiniteError("a time is NaN or infinite; give finite times in seconds")
         slack = 1e-9 * self.duration
-        phase = np.mod(np.asarray(time, dtype=float) - self.swing.start_time, self.duration)
+        phase = np.mod(time - self.swing.start_time, self.duration)
         return (phase >= self.swing.duration - slack) | (phase <= slack)
 
     def support_force(self, time: ArrayLike, force: ArrayLike) -> NDArray[np.float64]:
@@ -77,20 +83,18 @@ class GaitCycle:
 
         Parameters
         ----------
-        time : array_like, shape (T,)
+        time : array_like, shape (...)
             s.
         force : array_like, shape (3,)
             N, hip frame, applied by the ground to the foot (with z down: negative z carries the body).
 
         Returns
         -------
-        numpy.ndarray, shape (T, 3)
+        numpy.ndarray, shape (..., 3)
             For `foot_force` of a `FootPath` or `Trajectory`.
         """
-        force = np.asarray(force, dtype=float)
-        if force.shape != (3,):
-            raise ShapeError(f"a force has three components, N, but this one has shape {force.shape}")
-        return np.where(self.in_stance(time)[:, None], force, 0.0)
+        vector = arguments.vector("force", force, 3, "N")
+        return np.where(self.in_stance(time)[..., None], vector, 0.0)
 
 
 def gait_cycle(
@@ -124,19 +128,14 @@ def gait_cycle(
     -------
     GaitCycle
     """
-    vectors = []
-    for what, value in (("start", start), ("step", step), ("lift", lift)):
-        vector = np.asarray(value, dtype=float)
-        if vector.shape != (3,):
-            raise ShapeError(f"{what} has shape {vector.shape}; give three components, m")
-        if not np.isfinite(vector).all():
-            raise NonFiniteError(f"{what} = {vector.tolist()} is not finite")
-        vectors.append(vector)
-    p, d, up = vectors
-    swing_time = positive_seconds("swing duration", swing_duration)
-    stance_time = swing_time if stance_duration is None else positive_seconds("stance duration", stance_duration)
-    if stance not in ("minimum_jerk", "uniform"):
-        raise TrajectoryError(f"stance is 'minimum_jerk' or 'uniform', not {stance!r}")
+    p, d, up = (
+        arguments.vector(what, value, 3, "m") for what, value in (("start", start), ("step", step), ("lift", lift))
+    )
+    swing_time = arguments.positive("swing duration", swing_duration, "seconds")
+    stance_time = (
+        swing_time if stance_duration is None else arguments.positive("stance duration", stance_duration, "seconds")
+    )
+    arguments.choice("stance", stance, ("minimum_jerk", "uniform"))
     rate = -d / stance_time if stance == "uniform" else np.zeros(3)
     forth = quintic(p, p + d, swing_time, start_velocity=rate, end_velocity=rate)
     back = quintic(p + d, p, stance_time, start_velocity=rate, end_velocity=rate, name="stance")

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from leg_dynamics.analysis import arguments
 from leg_dynamics.analysis.trajectories.gait import GaitCycle, gait_cycle, lift_profile
 from leg_dynamics.analysis.trajectories.operations import concatenate
-from leg_dynamics.analysis.trajectories.polynomial import PiecewisePolynomial, positive_seconds, quintic
+from leg_dynamics.analysis.trajectories.polynomial import PiecewisePolynomial, quintic
 from leg_dynamics.analysis.trajectories.registry import FootTrajectory, follow
 from leg_dynamics.analysis.trajectories.trajectory import Trajectory, sample_times
-from leg_dynamics.errors import NonFiniteError, TrajectoryError
+from leg_dynamics.errors import TrajectoryError
 
 __all__ = [
     "TRAJECTORIES",
@@ -49,9 +50,9 @@ def omnileg_eq51_path(z0: float = Z0, *, z_sign: str = "up", duration: float = 5
     PiecewisePolynomial
         m; two pieces that join with continuous acceleration.
     """
-    T = positive_seconds("duration", duration)
+    T = arguments.positive("duration", duration, "seconds")
     height = _sign(z_sign) * 0.05
-    _check_finite("z0", z0)
+    z0 = arguments.real("z0", z0)
     half = T / 2.0
     x_forth, x_back = quintic([0.0], [0.1], half), quintic([0.1], [0.0], half)
     y = quintic([0.0], [0.1], T).coefficients[:, 0, 0]
@@ -138,7 +139,7 @@ def omnileg_eq52(
     """
     time = sample_times(2.0 if duration is None else duration, rate)
     omega = math.pi / 3.0
-    amplitude = np.array([math.pi / 6.0, math.pi / 6.0, gamma_amplitude])
+    amplitude = np.array([math.pi / 6.0, math.pi / 6.0, arguments.real("gamma_amplitude", gamma_amplitude)])
     sine, cosine = np.sin(omega * time)[:, None], np.cos(omega * time)[:, None]
     return Trajectory(
         time=time,
@@ -179,11 +180,13 @@ def omnileg_eq53_cycle(
     GaitCycle
         m; acceleration continuous, the foot at rest at lift-off and touch-down.
     """
-    for what, value in (("z0", z0), ("step", step), ("height", height), ("lateral_step", lateral_step)):
-        _check_finite(what, value)
-    return gait_cycle(
-        (*start, z0), (lateral_step, step, 0.0), (0.0, 0.0, _sign(z_sign) * height), half_cycle, name="eq53"
-    )  # (53)
+    x, y = arguments.vector("start", start, 2, "m")
+    ground, along, up, across = (
+        arguments.real(what, value)
+        for what, value in (("z0", z0), ("step", step), ("height", height), ("lateral_step", lateral_step))
+    )
+    T = arguments.positive("half_cycle", half_cycle, "seconds")
+    return gait_cycle((x, y, ground), (across, along, 0.0), (0.0, 0.0, _sign(z_sign) * up), T, name="eq53")  # (53)
 
 
 def omnileg_eq53(
@@ -222,19 +225,15 @@ def omnileg_eq53(
     OutOfReachError, JointLimitError, SingularityError
         As for `omnileg_eq51`.
     """
-    curve = (omnileg_eq53_cycle() if cycle is None else cycle).curve
-    return follow(leg, curve, duration, rate, periodic=True, branch=branch, limits=limits)
+    cycle = omnileg_eq53_cycle() if cycle is None else cycle
+    arguments.kind("cycle", cycle, GaitCycle, hint="omnileg_eq53_cycle makes one")
+    return follow(leg, cycle.curve, duration, rate, periodic=True, branch=branch, limits=limits)
 
 
 def _sign(z_sign: str) -> float:
-    if z_sign not in ("up", "literal"):
+    if not isinstance(z_sign, str) or z_sign not in ("up", "literal"):
         raise TrajectoryError(f"z_sign is 'up' (P_z = z0 - Z) or 'literal' (P_z = z0 + Z), not {z_sign!r}")
     return -1.0 if z_sign == "up" else 1.0
-
-
-def _check_finite(what: str, value: float) -> None:
-    if not math.isfinite(value):
-        raise NonFiniteError(f"{what} = {value} is not finite")
 
 
 def _shifted(coefficients: np.ndarray, shift: float) -> np.ndarray:
@@ -242,16 +241,9 @@ def _shifted(coefficients: np.ndarray, shift: float) -> np.ndarray:
     return np.poly1d(np.poly1d(coefficients)(np.poly1d([1.0, shift]))).coeffs
 
 
-def _eq53_curve() -> PiecewisePolynomial:
-    return omnileg_eq53_cycle().curve
-
-
-_eq52_45deg = partial(omnileg_eq52, gamma_amplitude=math.radians(45.0))
-
 TRAJECTORIES = {
     "eq52": omnileg_eq52,
-    "eq52_45deg": partial(_eq52_45deg, name="eq52_45deg"),
-    "eq52_gamma45": partial(_eq52_45deg, name="eq52_gamma45"),
+    "eq52_45deg": partial(omnileg_eq52, gamma_amplitude=math.radians(45.0), name="eq52_45deg"),
     "eq51": FootTrajectory(omnileg_eq51_path),
-    "eq53": FootTrajectory(_eq53_curve, periodic=True),
+    "eq53": FootTrajectory(omnileg_eq53_cycle),
 }

@@ -7,17 +7,17 @@ A motion is a `Trajectory` (joint space), a `FootPath` (foot space) or, where no
 from __future__ import annotations
 
 import itertools
-import math
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from leg_dynamics.analysis import arguments
 from leg_dynamics.analysis.trajectories.foot_path import FootPath
 from leg_dynamics.analysis.trajectories.polynomial import DerivativeJump, PiecewisePolynomial, quintic
-from leg_dynamics.analysis.trajectories.trajectory import Trajectory, sample_times
-from leg_dynamics.errors import ShapeError, TrajectoryError
+from leg_dynamics.analysis.trajectories.trajectory import MAX_SAMPLES, Trajectory, sample_times
+from leg_dynamics.errors import NonFiniteError, ShapeError, TrajectoryError
 
 __all__ = [
     "Seam",
@@ -35,6 +35,9 @@ __all__ = [
 Sampled = TypeVar("Sampled", Trajectory, FootPath)
 Motion = TypeVar("Motion", bound="Trajectory | FootPath | PiecewisePolynomial")
 Array = NDArray[np.float64]
+
+SAMPLED = (Trajectory, FootPath)
+MOTIONS = (*SAMPLED, PiecewisePolynomial)
 
 CONTINUITY = ("position", "velocity", "acceleration")
 
@@ -61,6 +64,7 @@ class Seam:
 
 def seam(motion: Trajectory | FootPath | PiecewisePolynomial) -> Seam:
     """Jumps from the end of a motion back to its own start; all zero where it is periodic."""
+    _check_kinds(motion)
     return _seam_between(motion, motion)
 
 
@@ -125,8 +129,13 @@ def concatenate(
         The motions are of different kinds or dimensions.
     """
     motions: tuple[Trajectory | FootPath | PiecewisePolynomial, ...] = (first, *rest)
-    for motion in motions:
-        _check_same_kind(first, motion)
+    _check_kinds(*motions)
+    for motion in motions if rest else ():
+        if motion.duration == 0.0:
+            raise TrajectoryError(
+                f"{motion.name!r} has one sample only, which is a pose and no motion to be joined or repeated; give it "
+                "at least two samples"
+            )
     for i, (before, after) in enumerate(itertools.pairwise(motions)):
         found = _seam_between(before, after)
         where = f"{before.name!r} and {after.name!r} do not join (motions {i} and {i + 1}): there"
@@ -175,9 +184,10 @@ def repeat(motion: Motion, times: int, *, continuity: str = "velocity", toleranc
     TrajectoryError
         The motion is not periodic, or `times` is not a positive whole number.
     """
-    if isinstance(times, bool) or not isinstance(times, int | np.integer) or times < 1:
-        raise TrajectoryError(f"a motion is repeated 1, 2, 3, ... times, not {times!r}")
-    return concatenate(*[motion] * int(times), continuity=continuity, tolerance=tolerance, name=motion.name)
+    _check_kinds(motion)
+    size = motion.breaks.size if isinstance(motion, PiecewisePolynomial) else len(motion)
+    count = arguments.whole("the number of times to repeat a motion", times, 1, max(1, MAX_SAMPLES // size))
+    return concatenate(*[motion] * count, continuity=continuity, tolerance=tolerance, name=motion.name)
 
 
 def time_scale(motion: Motion, speed: float) -> Motion:
@@ -195,16 +205,24 @@ def time_scale(motion: Motion, speed: float) -> Motion:
     -------
     Trajectory, FootPath or PiecewisePolynomial
     """
-    if not (math.isfinite(speed) and speed > 0.0):
-        raise TrajectoryError(f"the speed factor must be a positive number, but is {speed:g}")
+    _check_kinds(motion)
+    # A NumPy number overflows to infinity, which the constructors refuse, where a Python one raises.
+    factor = np.float64(arguments.positive("speed factor", speed))
     start = _start(motion)
-    if isinstance(motion, PiecewisePolynomial):
-        powers = speed ** np.arange(motion.coefficients.shape[0] - 1.0, -1.0, -1.0)[:, None, None]
-        breaks = start + (motion.breaks - start) / speed
-        return cast("Motion", PiecewisePolynomial(breaks, motion.coefficients * powers, motion.name))
-    x, v, a = _coordinates(motion)
-    time = start + (motion.time - start) / speed
-    return _make(motion, time, x, v * speed, a * speed**2, motion.foot_force, motion.name)
+    try:
+        with np.errstate(all="ignore"):
+            if isinstance(motion, PiecewisePolynomial):
+                powers = factor ** np.arange(motion.coefficients.shape[0] - 1.0, -1.0, -1.0)[:, None, None]
+                breaks = start + (motion.breaks - start) / factor
+                return cast("Motion", PiecewisePolynomial(breaks, motion.coefficients * powers, motion.name))
+            x, v, a = _coordinates(motion)
+            time = start + (motion.time - start) / factor
+            return _make(motion, time, x, v * factor, a * factor**2, motion.foot_force, motion.name)
+    except (NonFiniteError, TrajectoryError) as error:
+        raise TrajectoryError(
+            f"a speed factor of {factor:g} takes {motion.name!r} out of the range of floating-point numbers "
+            f"({error.message}); choose one nearer to 1"
+        ) from error
 
 
 def resample(motion: Sampled, rate: float | None = None, *, times: ArrayLike | None = None) -> Sampled:
@@ -226,13 +244,14 @@ def resample(motion: Sampled, rate: float | None = None, *, times: ArrayLike | N
     -------
     Trajectory or FootPath
     """
+    _check_kinds(motion, kinds=SAMPLED)
     if (rate is None) == (times is None):
         raise TrajectoryError("give either the rate or the times of the new samples")
     curve = _curve(motion)
     if times is None:
         t = float(motion.time[0]) + sample_times(motion.duration, cast("float", rate))
     else:
-        t = np.asarray(times, dtype=float)
+        t = arguments.reals("times", times)
     return _make(motion, t, curve.value(t), curve.value(t, 1), curve.value(t, 2), _force_at(motion, t), motion.name)
 
 
@@ -257,9 +276,10 @@ def blend(first: Sampled, second: Sampled, duration: float, *, name: str | None 
     -------
     Trajectory or FootPath
     """
-    _check_same_kind(first, second)
+    _check_kinds(first, second, kinds=SAMPLED)
     available = min(first.duration, second.duration)
-    if not (math.isfinite(duration) and 0.0 < duration <= available * (1.0 + 1e-12)):
+    duration = arguments.number("duration", duration)
+    if not 0.0 < duration <= available * (1.0 + 1e-12):
         raise TrajectoryError(
             f"a blend takes more than 0 s and at most the shorter motion's {available:g} s, not {duration:g} s"
         )
@@ -313,7 +333,7 @@ def connect(
     -------
     Trajectory or FootPath
     """
-    _check_same_kind(first, second)
+    _check_kinds(first, second, kinds=SAMPLED)
     ends = [values[-1] for values in _coordinates(first)]
     starts = [values[0] for values in _coordinates(second)]
     bridge = quintic(
@@ -343,16 +363,19 @@ def jerk_jumps(
         A curve is judged exactly, at its breaks. Samples are judged by the one-sided slopes of the acceleration
         over two steps on each side, so that a jump between two samples is reported at one of them.
     threshold : float, optional
-        Least jump to report, rad/s³ or m/s³; needed for samples, whose slopes differ a little everywhere.
+        Least jump to report, rad/s³ or m/s³, positive; needed for samples, whose slopes differ a little everywhere.
 
     Returns
     -------
     tuple of DerivativeJump
         In order of time.
     """
+    _check_kinds(motion)
+    if threshold is not None:
+        threshold = arguments.positive("threshold, the least jump of the jerk to report,", threshold)
     if isinstance(motion, PiecewisePolynomial):
         return tuple(j for j in motion.jumps(3) if threshold is None or np.abs(j.jump).max() >= threshold)
-    if threshold is None or not (math.isfinite(threshold) and threshold > 0.0):
+    if threshold is None:
         raise TrajectoryError("sampled motions need a threshold: the least jump of the jerk to report, positive")
     if len(motion) < 5:
         raise TrajectoryError(f"{len(motion)} samples are too few to see a jump of the jerk; five are needed")
@@ -384,8 +407,6 @@ def _make(like: Any, time: Array, x: Array, v: Array, a: Array, force: Array | N
 
 
 def _curve(motion: Trajectory | FootPath) -> PiecewisePolynomial:
-    if not isinstance(motion, Trajectory | FootPath):
-        raise ShapeError(f"a sampled motion is needed, not {type(motion).__name__}; sample the curve first")
     if len(motion) < 2:
         raise TrajectoryError(f"{motion.name!r} has one sample only; between samples there must be two")
     return PiecewisePolynomial.through_samples(motion.time, *_coordinates(motion), motion.name)
@@ -409,15 +430,19 @@ def _dimension(motion: Trajectory | FootPath | PiecewisePolynomial) -> int:
     return motion.dimension if isinstance(motion, PiecewisePolynomial) else int(_coordinates(motion)[0].shape[1])
 
 
-def _check_same_kind(first: Any, other: Any) -> None:
-    for motion in (first, other):
-        if not isinstance(motion, Trajectory | FootPath | PiecewisePolynomial):
-            raise ShapeError(f"a motion is a Trajectory, FootPath or PiecewisePolynomial, not {type(motion).__name__}")
-    if type(first) is not type(other) or _dimension(first) != _dimension(other):
-        raise ShapeError(
-            f"motions are joined with their like: {first.name!r} is a {type(first).__name__} of {_dimension(first)} "
-            f"coordinates, {other.name!r} a {type(other).__name__} of {_dimension(other)}"
-        )
+def _check_kinds(*motions: Any, kinds: tuple[type, ...] = MOTIONS) -> None:
+    """Refuse what is not one of the kinds, and motions of different kinds or dimensions."""
+    for motion in motions:
+        curve = isinstance(motion, PiecewisePolynomial)
+        hint = "sample the curve first, with its trajectory or foot_path" if curve else ""
+        arguments.kind("a motion" if kinds is MOTIONS else "a sampled motion", motion, *kinds, hint=hint)
+    first = motions[0]
+    for other in motions[1:]:
+        if type(first) is not type(other) or _dimension(first) != _dimension(other):
+            raise ShapeError(
+                f"motions are joined with their like: {first.name!r} is a {type(first).__name__} of "
+                f"{_dimension(first)} coordinates, {other.name!r} a {type(other).__name__} of {_dimension(other)}"
+            )
 
 
 def _end_values(motion: Trajectory | FootPath | PiecewisePolynomial, order: int) -> tuple[Array, Array]:
@@ -434,12 +459,11 @@ def _seam_between(
 
 
 def _continuity_order(continuity: str) -> int:
-    if continuity not in CONTINUITY:
-        raise TrajectoryError(f"continuity is one of {', '.join(CONTINUITY)}, not {continuity!r}")
-    return CONTINUITY.index(continuity)
+    return CONTINUITY.index(arguments.choice("continuity", continuity, CONTINUITY))
 
 
 def _refuse_jump(found: Seam, where: str, continuity: str, tolerance: float) -> None:
+    tolerance = arguments.tolerance("tolerance", tolerance)
     for name in CONTINUITY[: _continuity_order(continuity) + 1]:
         jump = getattr(found, name)
         if not np.abs(jump).max() <= tolerance:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from leg_dynamics.analysis import arguments
 from leg_dynamics.analysis.trajectories.trajectory import Trajectory, sample_times
 from leg_dynamics.errors import NonFiniteError, ShapeError, TrajectoryError
 
@@ -20,6 +20,22 @@ __all__ = ["DerivativeJump", "PiecewisePolynomial", "minimum_jerk", "quintic"]
 
 TIME_TOLERANCE = 1e-9
 """Share of the duration by which a time may lie outside a curve: rounding of sample times."""
+
+PASSING_TOLERANCE = 1e-9
+"""Share of the span of a motion by which a curve through points may miss one of them."""
+
+ROUNDING = 1e-14
+"""The same, of the coordinates' magnitude."""
+
+HIGHEST_DERIVATIVE = 1000
+"""Far above the degree of any curve that floating-point numbers can hold."""
+
+_JERK = np.array(
+    [[192.0, 36.0, 168.0, -24.0], [36.0, 9.0, 24.0, -3.0], [168.0, 24.0, 192.0, -36.0], [-24.0, -3.0, -36.0, 9.0]]
+)
+_JERK_STEP = np.array([-360.0, -60.0, -360.0, 60.0])
+"""Gradient of half the integral of squared jerk over a quintic of unit duration, by its ends' (v, a): that of (v, a, v,
+a) and that of the step in position. It holds (snap, -jerk) at the start and (-snap, jerk) at the end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +84,9 @@ class PiecewisePolynomial:
     name: str = "curve"
 
     def __post_init__(self) -> None:
-        try:
-            breaks = np.array(self.breaks, dtype=float)
-            coefficients = np.array(self.coefficients, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise ShapeError(f"a curve is made of real numbers: {error}") from None
+        arguments.text("the name of a curve", self.name)
+        breaks = arguments.reals("breaks of a curve", self.breaks)
+        coefficients = arguments.reals("coefficients of a curve", self.coefficients)
         if breaks.ndim != 1 or breaks.size < 2:
             raise ShapeError(f"breaks have shape {breaks.shape}; give at least a start and an end, shape (k + 1,)")
         pieces = breaks.size - 1
@@ -121,27 +135,43 @@ class PiecewisePolynomial:
         PiecewisePolynomial
             With continuous acceleration.
         """
-        time, x, v, a = (np.asarray(values, dtype=float) for values in (time, x, v, a))
+        time, x, v, a = (
+            arguments.reals(what, values) for what, values in (("time", time), ("x", x), ("v", v), ("a", a))
+        )
         if time.ndim != 1 or time.size < 2 or any(u.ndim != 2 or u.shape != (time.size, x.shape[1]) for u in (x, v, a)):
             raise ShapeError(
                 f"time, x, v, a have shapes {time.shape}, {x.shape}, {v.shape}, {a.shape}; give (T,) with T >= 2 "
                 "and three times (T, d)"
             )
+        if not all(np.isfinite(values).all() for values in (time, x, v, a)):
+            raise NonFiniteError("a time, coordinate, rate or acceleration is NaN or infinite")
         if not (np.diff(time) > 0.0).all():
             raise TrajectoryError("times must increase from sample to sample; sort them and drop repeated ones")
-        h = np.diff(time)[:, None]
-        rest = x[1:] - x[:-1] - h * (v[:-1] + h * a[:-1] / 2.0)
-        rate_rest = h * (v[1:] - v[:-1] - h * a[:-1])
-        acceleration_rest = h**2 * (a[1:] - a[:-1])
-        coefficients = [
-            (6.0 * rest - 3.0 * rate_rest + 0.5 * acceleration_rest) / h**5,
-            (-15.0 * rest + 7.0 * rate_rest - acceleration_rest) / h**4,
-            (10.0 * rest - 4.0 * rate_rest + 0.5 * acceleration_rest) / h**3,
-            a[:-1] / 2.0,
-            v[:-1],
-            x[:-1],
-        ]
-        return cls(time, np.stack(coefficients), name)
+        # An overflow is told below.
+        with np.errstate(all="ignore"):
+            h = np.diff(time)[:, None]
+            rest = x[1:] - x[:-1] - h * (v[:-1] + h * a[:-1] / 2.0)
+            rate_rest = h * (v[1:] - v[:-1] - h * a[:-1])
+            acceleration_rest = h**2 * (a[1:] - a[:-1])
+            coefficients = np.stack(
+                [
+                    (6.0 * rest - 3.0 * rate_rest + 0.5 * acceleration_rest) / h**5,
+                    (-15.0 * rest + 7.0 * rate_rest - acceleration_rest) / h**4,
+                    (10.0 * rest - 4.0 * rate_rest + 0.5 * acceleration_rest) / h**3,
+                    a[:-1] / 2.0,
+                    v[:-1],
+                    x[:-1],
+                ]
+            )
+        wild = np.flatnonzero(~np.isfinite(coefficients).all(axis=(0, 2)))
+        if wild.size:
+            i = int(wild[0])
+            raise TrajectoryError(
+                f"no polynomial of floating-point numbers goes from t = {time[i]:g} s to {time[i + 1]:g} s: the step "
+                f"of {h[i, 0]:.3g} s is too short or too long for these coordinates; give times in seconds",
+                step=float(h[i, 0]),
+            )
+        return cls(time, coefficients, name)
 
     @property
     def start_time(self) -> float:
@@ -184,7 +214,7 @@ class PiecewisePolynomial:
         """
         from scipy.interpolate import PPoly
 
-        time = np.asarray(time, dtype=float)
+        time = arguments.reals("time", time)
         if not np.isfinite(time).all():
             raise NonFiniteError("a time is NaN or infinite")
         self._check_derivative(derivative)
@@ -197,8 +227,7 @@ class PiecewisePolynomial:
         return np.asarray(PPoly(self.coefficients, self.breaks)(time, nu=derivative))
 
     def _check_derivative(self, derivative: int) -> None:
-        if isinstance(derivative, bool) or not isinstance(derivative, int | np.integer) or derivative < 0:
-            raise TrajectoryError(f"the order of a derivative is 0, 1, 2, ..., not {derivative!r}")
+        arguments.whole("the order of a derivative", derivative, 0, HIGHEST_DERIVATIVE)
 
     def _piece_ends(self, derivative: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """A derivative at the start and at the end of each piece, from within the piece, each (k, d)."""
@@ -227,7 +256,7 @@ class PiecewisePolynomial:
         derivative : int
             Order; 3 is the jerk.
         tolerance : float
-            A jump below this share of the largest polynomial's terms, added without sign, is rounding.
+            A jump below this share of the largest polynomial's terms, added without sign, is rounding; zero or more.
 
         Returns
         -------
@@ -235,6 +264,7 @@ class PiecewisePolynomial:
             In order of time. For what happens from the end to the start of a cycle, ask ``repeat(curve, 2)``.
         """
         self._check_derivative(derivative)
+        tolerance = arguments.tolerance("tolerance", tolerance)
         starts, ends = self._piece_ends(derivative)
         scale = float(_horner(np.abs(self._derived(derivative)), np.diff(self.breaks)[:, None]).max())
         return tuple(
@@ -245,7 +275,7 @@ class PiecewisePolynomial:
 
     def translated(self, offset: ArrayLike) -> PiecewisePolynomial:
         """Return the curve moved by `offset`, shape (d,), in the coordinates' unit."""
-        offset = np.asarray(offset, dtype=float)
+        offset = arguments.reals("offset", offset)
         if offset.shape != (self.dimension,):
             raise ShapeError(f"the offset has shape {offset.shape}; the curve has {self.dimension} coordinates")
         coefficients = self.coefficients.copy()
@@ -256,13 +286,13 @@ class PiecewisePolynomial:
         """Times from the start, 1/rate apart; the end is among them where the duration is a multiple of 1/rate."""
         return self.start_time + sample_times(self.duration, rate)
 
-    def trajectory(self, rate: float = 1000.0, *, times: ArrayLike | None = None) -> Trajectory:
+    def trajectory(self, rate: float | None = None, *, times: ArrayLike | None = None) -> Trajectory:
         """Sample a curve in joint space; derivatives are exact.
 
         Parameters
         ----------
-        rate : float
-            Samples a second.
+        rate : float, optional
+            Samples a second; 1000 where neither it nor `times` is given.
         times : array_like, shape (T,), optional
             s; in place of `rate`.
 
@@ -270,16 +300,16 @@ class PiecewisePolynomial:
         -------
         Trajectory
         """
-        t = self.sample_times(rate) if times is None else np.asarray(times, dtype=float)
+        t = self._times(rate, times)
         return Trajectory(t, self.value(t), self.value(t, 1), self.value(t, 2), name=self.name)
 
-    def foot_path(self, rate: float = 1000.0, *, times: ArrayLike | None = None) -> FootPath:
+    def foot_path(self, rate: float | None = None, *, times: ArrayLike | None = None) -> FootPath:
         """Sample a curve of the foot (d = 3, m, hip frame); derivatives are exact.
 
         Parameters
         ----------
-        rate : float
-            Samples a second.
+        rate : float, optional
+            Samples a second; 1000 where neither it nor `times` is given.
         times : array_like, shape (T,), optional
             s; in place of `rate`.
 
@@ -289,8 +319,15 @@ class PiecewisePolynomial:
         """
         from leg_dynamics.analysis.trajectories.foot_path import FootPath
 
-        t = self.sample_times(rate) if times is None else np.asarray(times, dtype=float)
+        t = self._times(rate, times)
         return FootPath(t, self.value(t), self.value(t, 1), self.value(t, 2), name=self.name)
+
+    def _times(self, rate: float | None, times: ArrayLike | None) -> NDArray[np.float64]:
+        if times is None:
+            return self.sample_times(1000.0 if rate is None else rate)
+        if rate is not None:
+            raise TrajectoryError("give either the rate or the times of the samples, not both")
+        return arguments.reals("times", times)
 
 
 def quintic(
@@ -325,9 +362,10 @@ def quintic(
     PiecewisePolynomial
         One piece. Among all motions with these ends it has the least integral of squared jerk.
     """
+    begin = arguments.real("start_time", start_time)
     return minimum_jerk(
         [start, end],
-        [start_time, start_time + positive_seconds("duration", duration)],
+        [begin, begin + arguments.positive("duration", duration, "seconds")],
         start_velocity=start_velocity,
         end_velocity=end_velocity,
         start_acceleration=start_acceleration,
@@ -364,15 +402,21 @@ def minimum_jerk(
     Returns
     -------
     PiecewisePolynomial
+
+    Raises
+    ------
+    ShapeError, NonFiniteError
+        The arrays do not fit, or hold NaN or infinity.
+    TrajectoryError
+        Times do not increase, or their steps are so unequal that the curve, which swings the farther between the
+        points, cannot pass them in floating-point numbers.
     """
+    x, t = arguments.reals("points", points), arguments.reals("times", times)
+    given = (start_velocity, start_acceleration, end_velocity, end_acceleration)
+    values = [arguments.reals("a boundary value", value) for value in given]
     try:
-        x = np.array(points, dtype=float)
-        t = np.array(times, dtype=float)
-        boundary = [
-            np.array(np.broadcast_to(np.asarray(value, dtype=float), x.shape[1:]))
-            for value in (start_velocity, start_acceleration, end_velocity, end_acceleration)
-        ]
-    except (TypeError, ValueError) as error:
+        boundary = [np.array(np.broadcast_to(value, x.shape[1:])) for value in values]
+    except ValueError as error:
         raise ShapeError(f"points (m, d), times (m,) and boundary values (d,) do not fit: {error}") from None
     if x.ndim != 2 or len(x) < 2 or t.shape != (len(x),) or x.shape[1] == 0:
         raise ShapeError(f"points have shape {x.shape} and times {t.shape}; give (m, d) and (m,) with m >= 2")
@@ -381,19 +425,92 @@ def minimum_jerk(
     if not (np.diff(t) > 0.0).all():
         raise TrajectoryError("times must increase from point to point; sort the points and drop repeated times")
     v0, a0, v1, a1 = boundary
-    if len(x) == 2:
-        return PiecewisePolynomial.through_samples(t, x, np.stack([v0, v1]), np.stack([a0, a1]), name)
-    from scipy.interpolate import make_interp_spline
-
-    # Scaled to steps of about one, so that the spline's system keeps its digits.
-    scale = (t[-1] - t[0]) / (len(t) - 1)
-    s = (t - t[0]) / scale
-    ends = ([(1, v0 * scale), (2, a0 * scale**2)], [(1, v1 * scale), (2, a1 * scale**2)])
-    spline = make_interp_spline(s, x, k=5, bc_type=ends, axis=0)
-    v, a = spline(s, nu=1) / scale, spline(s, nu=2) / scale**2
-    # Each piece is a quintic, which its ends determine; the given ends stay exact.
+    v, a = np.zeros_like(x), np.zeros_like(x)
     v[[0, -1]], a[[0, -1]] = [v0, v1], [a0, a1]
-    return PiecewisePolynomial.through_samples(t, x, v, a, name)
+    if len(x) > 2:
+        _solve_knots(t, x, v, a)
+        if not (np.isfinite(v).all() and np.isfinite(a).all()):
+            _refuse_steps(t, f"the rates of {name!r} leave the range of floating-point numbers")
+    curve = PiecewisePolynomial.through_samples(t, x, v, a, name)
+    _check_passes(curve, x, boundary)
+    return curve
+
+
+def _solve_knots(
+    t: NDArray[np.float64], x: NDArray[np.float64], v: NDArray[np.float64], a: NDArray[np.float64]
+) -> None:
+    """Fill in the rates and accelerations of the inner points for which the integral of squared jerk is least.
+
+    The integral is a positive definite quadratic form of them, and its gradient vanishes where jerk and snap are
+    continuous. Each piece is seen in its own time and each point in that of its shorter neighbour: then unequal steps
+    cost the block tridiagonal system no digits.
+    """
+    from scipy.linalg import LinAlgError, solveh_banded
+
+    h = np.diff(t)
+    tau = np.minimum(np.append(h, h[-1]), np.insert(h, 0, h[0]))
+    unit = np.stack([tau, tau**2], axis=-1)
+    step = np.diff(x, axis=0)[:, None, :]
+    count = 2 * len(t)
+    # Out of range, the solution is not finite, which the caller sees.
+    with np.errstate(all="ignore"):
+        weight = (h.min() / h) ** 5
+        # From the units of a point to those of the piece: (V, A) = (h v, h^2 a).
+        start, end = h / tau[:-1], h / tau[1:]
+        factors = np.stack([start, start**2, end, end**2], axis=1)
+        pieces = weight[:, None, None] * factors[:, :, None] * _JERK * factors[:, None, :]
+        pull = -weight[:, None, None] * (factors * _JERK_STEP)[:, :, None] * step
+        known = np.stack([v, a], axis=1) * unit[..., None]
+        # Lower bands of the matrix over all points, (v, a) of one after (v, a) of the other.
+        bands, right = np.zeros((4, count)), np.zeros((count, x.shape[1]))
+        for row in range(4):
+            right[row : row + count - 2 : 2] += pull[:, row]
+            for column in range(row + 1):
+                bands[row - column, column : column + count - 2 : 2] += pieces[:, row, column]
+        # The ends are given: what they contribute goes to the right side.
+        right[2:4] -= pieces[0, 2:, :2] @ known[0]
+        right[-4:-2] -= pieces[-1, :2, 2:] @ known[-1]
+        inner = bands[: min(4, count - 4), 2:-2].copy()
+        scale = 1.0 / np.sqrt(inner[0])
+        for offset, band in enumerate(inner):
+            band[: scale.size - offset] *= scale[: scale.size - offset] * scale[offset:]
+            band[scale.size - offset :] = 0.0
+        try:
+            solved = solveh_banded(inner, right[2:-2] * scale[:, None], lower=True) * scale[:, None]
+        except (LinAlgError, ValueError):
+            solved = np.full_like(right[2:-2], np.nan)
+        solved = solved.reshape(len(t) - 2, 2, -1) / unit[1:-1, :, None]
+    v[1:-1], a[1:-1] = solved[:, 0], solved[:, 1]
+
+
+def _refuse_steps(t: NDArray[np.float64], what: str) -> NoReturn:
+    h = np.diff(t)
+    i = int(h.argmin())
+    with np.errstate(over="ignore"):
+        ratio = float(h.max() / h[i])
+    raise TrajectoryError(
+        f"{what}: the step of {h[i]:.3g} s from t = {t[i]:g} s is {ratio:.3g} times shorter than the longest, "
+        "so that the curve of least jerk swings far out between the points; even out the times, or leave one of two "
+        "close points out",
+        ratio=ratio,
+    )
+
+
+def _check_passes(curve: PiecewisePolynomial, x: NDArray[np.float64], boundary: Sequence[NDArray[np.float64]]) -> None:
+    """Refuse a curve that rounding keeps from its points."""
+    v0, a0, v1, a1 = (np.abs(value) for value in boundary)
+    duration = curve.duration
+    span = np.max([np.ptp(x, axis=0), v0 * duration, v1 * duration, a0 * duration**2, a1 * duration**2], axis=0)
+    allowed = np.maximum(PASSING_TOLERANCE * span, ROUNDING * np.abs(x).max(axis=0))
+    missed = np.abs(curve._piece_ends(0)[1] - x[1:])
+    bad = np.argwhere(~(missed <= allowed))
+    if bad.size:
+        i, k = map(int, bad[0])
+        _refuse_steps(
+            curve.breaks,
+            f"rounding makes {curve.name!r} miss its point at t = {curve.breaks[i + 1]:g} s by {missed[i, k]:.3g} in "
+            f"coordinate {k}, more than {PASSING_TOLERANCE:g} of the span of the motion",
+        )
 
 
 def _horner(coefficients: NDArray[np.float64], h: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -401,10 +518,3 @@ def _horner(coefficients: NDArray[np.float64], h: NDArray[np.float64]) -> NDArra
     for coefficient in coefficients:
         value = value * h + coefficient
     return value
-
-
-def positive_seconds(what: str, value: float) -> float:
-    """Return `value` as a float, or refuse it by the name `what` where it is not a positive number of seconds."""
-    if not (math.isfinite(value) and value > 0.0):
-        raise TrajectoryError(f"the {what} must be a positive number of seconds, but is {value:g}")
-    return float(value)

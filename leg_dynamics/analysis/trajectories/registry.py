@@ -13,14 +13,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from leg_dynamics.analysis import arguments
 from leg_dynamics.analysis.trajectories.feasibility import feasible_offset_windows
 from leg_dynamics.analysis.trajectories.foot_path import FootPath
+from leg_dynamics.analysis.trajectories.gait import GaitCycle
 from leg_dynamics.analysis.trajectories.operations import repeat
 from leg_dynamics.analysis.trajectories.polynomial import PiecewisePolynomial
 from leg_dynamics.analysis.trajectories.trajectory import Trajectory, sample_times
 from leg_dynamics.errors import JointLimitError, OutOfReachError, TrajectoryError
 
-__all__ = ["FootTrajectory", "TrajectoryFactory", "follow", "named"]
+__all__ = ["FootTrajectory", "TrajectoryFactory", "follow", "named", "named_cycle"]
 
 _PACKAGE = "leg_dynamics.analysis.trajectories"
 
@@ -40,13 +42,10 @@ class FootTrajectory:
     Parameters
     ----------
     path : callable
-        Makes the curve of the foot, m, hip frame.
-    periodic : bool
-        Whether the curve is one period, repeated for a longer duration.
+        Makes the curve of the foot, m, hip frame, or a gait cycle, which is repeated for a longer duration.
     """
 
-    path: Callable[[], PiecewisePolynomial]
-    periodic: bool = False
+    path: Callable[[], PiecewisePolynomial | GaitCycle]
 
     def __call__(
         self, duration: float | None = None, rate: float = 1000.0, *, leg: Any = None, limits: str = "error"
@@ -60,13 +59,15 @@ class FootTrajectory:
         OutOfReachError, JointLimitError, SingularityError
             The leg cannot follow the path; where moving it in z helps, the text names the window.
         """
-        curve = self.path()
+        path = self.path()
+        periodic = isinstance(path, GaitCycle)
+        curve = path.curve if isinstance(path, GaitCycle) else path
         if leg is None:
             raise TrajectoryError(
                 f"{curve.name!r} is a path of the foot, which only a leg turns into joint motion: "
                 f"ask named(leg)[{curve.name!r}], with the leg instead of its name"
             )
-        return follow(leg, curve, duration, rate, periodic=self.periodic, limits=limits)
+        return follow(leg, curve, duration, rate, periodic=periodic, limits=limits)
 
 
 def follow(
@@ -111,6 +112,7 @@ def follow(
     TrajectoryError
         The curve is shorter than `duration` and not periodic.
     """
+    arguments.kind("path", curve, PiecewisePolynomial, hint="quintic, minimum_jerk and gait_cycle(...).curve are some")
     path = sample_curve(curve, duration, rate, periodic=periodic)
     try:
         return path.to_joint(leg, branch, limits=limits)
@@ -124,8 +126,7 @@ def sample_curve(
     curve: PiecewisePolynomial, duration: float | None, rate: float, *, periodic: bool = False
 ) -> FootPath:
     """Sample a curve of the foot for `duration` s, repeated where it is periodic."""
-    length = curve.duration if duration is None else duration
-    # Checks the duration before it is used as a count.
+    length = curve.duration if duration is None else arguments.positive("duration", duration, "seconds")
     times = curve.start_time + sample_times(length, rate)
     if times[-1] > curve.end_time + 1e-9 * curve.duration:
         if not periodic:
@@ -164,17 +165,44 @@ def named(leg: Any, *, limits: str = "error") -> Mapping[str, TrajectoryFactory]
     Examples
     --------
     >>> sorted(named("omnileg"))
-    ['eq51', 'eq52', 'eq52_45deg', 'eq52_gamma45', 'eq53']
+    ['eq51', 'eq52', 'eq52_45deg', 'eq53']
     """
-    name = leg if isinstance(leg, str) else leg.name
-    package = importlib.import_module(_PACKAGE)
-    # Compared with the listing, so that a name from a foreign file never reaches the import system.
-    if name not in {module.name for module in pkgutil.iter_modules(package.__path__)}:
-        return MappingProxyType({})
-    module = importlib.import_module(f"{_PACKAGE}.{name}")
-    factories = dict(getattr(module, "TRAJECTORIES", {}))
-    if leg is not name:
+    arguments.choice("limits", limits, ("error", "ignore"))
+    factories = _factories(leg)
+    if not isinstance(leg, str):
         for key, factory in factories.items():
             if isinstance(factory, FootTrajectory):
                 factories[key] = partial(factory, leg=leg, limits=limits)
     return MappingProxyType(factories)
+
+
+def named_cycle(leg: Any, trajectory: str) -> GaitCycle | None:
+    """Return the gait cycle behind a named trajectory, whose `support_force` loads the foot in stance only.
+
+    Parameters
+    ----------
+    leg : str or leg
+        As for `named`.
+    trajectory : str
+        Name of a trajectory.
+
+    Returns
+    -------
+    GaitCycle or None
+        None where there is no such trajectory or it is no gait.
+    """
+    factory = _factories(leg).get(trajectory)
+    path = factory.path() if isinstance(factory, FootTrajectory) else None
+    return path if isinstance(path, GaitCycle) else None
+
+
+def _factories(leg: Any) -> dict[str, Any]:
+    """The leg's named trajectories as its module states them."""
+    if not isinstance(leg, str):
+        arguments.having("leg", leg, ("name",), "load one with leg_dynamics.load, or give its name")
+    name = leg if isinstance(leg, str) else leg.name
+    package = importlib.import_module(_PACKAGE)
+    # Compared with the listing, so that a name from a foreign file never reaches the import system.
+    if name not in {module.name for module in pkgutil.iter_modules(package.__path__)}:
+        return {}
+    return dict(getattr(importlib.import_module(f"{_PACKAGE}.{name}"), "TRAJECTORIES", {}))

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from leg_dynamics.analysis import arguments
 from leg_dynamics.errors import JointLimitError, NonFiniteError, ShapeError, TrajectoryError
 
 __all__ = ["Trajectory", "force_during", "sample_times"]
@@ -104,7 +105,7 @@ class Trajectory:
             start = float(self.time[0]) if start is None else start
             end = float(self.time[-1]) if end is None else end
             force = force_during(self.time, force, start, end)
-        return replace(self, foot_force=np.asarray(force))
+        return replace(self, foot_force=arguments.reals("foot_force", force))
 
     def check_limits(self, limits: _Limits, joint_names: Sequence[str], units: Sequence[str]) -> None:
         """Refuse a motion that leaves the joint limits.
@@ -121,6 +122,7 @@ class Trajectory:
         JointLimitError
             With the failing samples in `rows` and their (negative) excess in `margin`, rad or m.
         """
+        arguments.having("joint limits", limits, ("lower", "upper"), "give those of a leg, leg.limits")
         # One temporary at a time: a long trajectory is large.
         margin = np.minimum(self.q - np.asarray(limits.lower), np.asarray(limits.upper) - self.q)
         worst = margin.min(axis=1)
@@ -161,12 +163,13 @@ def force_during(time: ArrayLike, force: ArrayLike, start: float, end: float) ->
     TrajectoryError
         Where the window is empty or holds no sample: a force that never acts is a mistake.
     """
-    time = np.asarray(time, dtype=float)
-    vector = _private_copy("force", force)
-    if vector.shape != (3,):
-        raise ShapeError(f"a force has three components, N, but this one has shape {vector.shape}")
-    _check_finite("force", vector[None, :])
-    if not (math.isfinite(start) and math.isfinite(end) and start <= end):
+    time = arguments.reals("time", time)
+    if time.ndim != 1 or not time.size:
+        raise ShapeError(f"time has shape {time.shape}; give one time in seconds a sample, shape (T,)")
+    _check_finite("time", time[:, None])
+    vector = arguments.vector("force", force, 3, "N")
+    start, end = arguments.real("start of the force", start), arguments.real("end of the force", end)
+    if start > end:
         raise TrajectoryError(f"a force window runs from an earlier to a later time, but got {start:g} to {end:g} s")
     inside = (time >= start) & (time <= end)
     if not inside.any():
@@ -193,9 +196,10 @@ def sample_times(duration: float, rate: float) -> NDArray[np.float64]:
     numpy.ndarray, shape (T,)
         s.
     """
-    for what, value, unit in (("duration", duration, "s"), ("rate", rate, "1/s")):
-        if not (math.isfinite(value) and value > 0.0):
-            raise TrajectoryError(f"the {what} must be a positive number, but is {value:g} {unit}")
+    duration, rate = (
+        arguments.positive("duration", duration, "seconds"),
+        arguments.positive("rate", rate, "samples a second"),
+    )
     intervals = duration * rate
     if intervals + 1.0 > MAX_SAMPLES:
         raise TrajectoryError(
@@ -223,6 +227,7 @@ def validate_motion(motion: Any, fields: tuple[str, str, str], columns: int | No
     ShapeError, NonFiniteError, TrajectoryError
         As `Trajectory` says.
     """
+    arguments.text("the name of a motion", motion.name)
     time = _private_copy("time", motion.time)
     if time.ndim != 1:
         raise ShapeError(f"time has shape {time.shape}; give one time in seconds a sample, shape (T,)")
@@ -256,10 +261,7 @@ def validate_motion(motion: Any, fields: tuple[str, str, str], columns: int | No
 
 
 def _private_copy(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ShapeError(f"{name} must be an array of real numbers: {error}") from None
+    array = arguments.reals(name, values)
     array.setflags(write=False)
     return array
 
