@@ -6,6 +6,15 @@ This package knows nothing of legs: a `Program` is a CasADi graph with named inp
 from __future__ import annotations
 
 from leg_dynamics.kernels.kernel import Kernel, compile_program, kernel, llvm_is_available
-from leg_dynamics.kernels.program import Argument, Program, Solver
+from leg_dynamics.kernels.program import Argument, Program, Solver, differentiated
 
-__all__ = ["Argument", "Kernel", "Program", "Solver", "compile_program", "kernel", "llvm_is_available"]
+__all__ = [
+    "Argument",
+    "Kernel",
+    "Program",
+    "Solver",
+    "compile_program",
+    "differentiated",
+    "kernel",
+    "llvm_is_available",
+]

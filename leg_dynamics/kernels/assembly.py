@@ -52,7 +52,8 @@ class _Writer:
         self.program = program
         self.target = target
         self.width = target.width
-        self.code = VectorCode(target.width, target.fused)
+        # LLVM's code for saving every register is wrong on aarch64
+        self.code = VectorCode(target.width, target.fused, "preserve_allcc" if target.is_x86 else "ccc")
         self.lines = self.code.lines
         self.align = 8 * target.width
         self.vector = self.code.doubles
@@ -67,7 +68,10 @@ class _Writer:
         helper = ""
         if any("@library_sines" in line for line in body):
             # LLVM ends a function with vzeroupper even where its convention promises to keep the upper halves.
-            keep = f'"target-cpu"="{self.target.cpu}" "target-features"="-vzeroupper"' if self.target.is_x86 else ""
+            keep = ""
+            if self.target.is_x86:
+                features = ",".join(filter(None, (self.target.features, "-vzeroupper")))
+                keep = f'"target-cpu"="{self.target.cpu}" "target-features"="{features}"'
             helper = self.code.library_sines(keep)
         declarations = "\n".join(sorted(self.code.declarations))
         return (
@@ -82,7 +86,7 @@ class _Writer:
         code, lines = self.code, self.lines
         arguments = (*self.program.inputs, *self.program.outputs)
         lines.append("entry:")
-        lines.append(f"  %scratch = alloca [{2 * self.width} x double], align {self.align}")
+        lines.append(f"  %scratch = alloca [{3 * self.width} x double], align {self.align}")
         unknowns = self.program.solver.size if self.program.solver else 0
         if unknowns:
             lines.append(f"  %unknowns = alloca [{unknowns * self.width} x double], align {self.align}")
@@ -462,4 +466,6 @@ class _Writer:
         lines.append(f"  br i1 {more}, label %stage, label %solved")
         code.start_block("solved")
         found = [code.emit(f"load {self.vector}, ptr {address}, align {self.align}") for address in addresses]
-        return found, code.combine("and", "%next_reached", numbered)
+        # a residual that leaves out an unknown does not see its NaN
+        converged = code.combine("and", "%next_reached", numbered)
+        return found, code.combine("and", converged, self._finite(found))

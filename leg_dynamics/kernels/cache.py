@@ -1,7 +1,8 @@
 """Files in the user's cache folder, found by everything that went into them, whole or not at all.
 
 Entries are native code and data of this user's own processes. Whoever can write into the folder can run code in them,
-so it is made readable by its owner only. It may be deleted at any time.
+so it is made accessible to its owner only, and one that others can write into is not used. It may be deleted at any
+time.
 """
 
 from __future__ import annotations
@@ -10,9 +11,13 @@ import contextlib
 import functools
 import hashlib
 import os
+import re
 import tempfile
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
+
+from leg_dynamics.errors import LegDynamicsWarning
 
 __all__ = ["FOLDER_VARIABLE", "cache_folder", "clear", "key_of", "read", "source_fingerprint", "write"]
 
@@ -23,6 +28,10 @@ _MAGIC = b"leg_dynamics 1\n"
 _DIGEST = hashlib.sha256().digest_size
 # Beyond that size the entries that were not used for longest go.
 _LARGEST_FOLDER = 256 * 2**20
+_TEMPORARY = ".leg_dynamics-"
+# Whatever else lies in the folder is somebody else's.
+_OURS = re.compile(rf"[0-9a-f]{{{2 * _DIGEST}}}|{re.escape(_TEMPORARY)}.*")
+_REFUSED: set[Path] = set()
 
 
 def cache_folder() -> Path | None:
@@ -81,8 +90,10 @@ def read(key: str) -> bytes | None:
         return None
     path = folder / key
     try:
-        data = path.read_bytes()
+        data = path.read_bytes() if _is_private(folder) else b""
     except OSError:
+        return None
+    if not data:
         return None
     start = len(_MAGIC) + _DIGEST
     payload = data[start:]
@@ -103,7 +114,9 @@ def write(key: str, payload: bytes) -> bool:
     temporary: str | None = None
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        descriptor, temporary = tempfile.mkstemp(dir=folder, prefix=".")
+        if not _is_private(folder):
+            return False
+        descriptor, temporary = tempfile.mkstemp(dir=folder, prefix=_TEMPORARY)
         with os.fdopen(descriptor, "wb") as file:
             file.write(_MAGIC + hashlib.sha256(payload).digest() + payload)
         os.replace(temporary, folder / key)
@@ -116,12 +129,31 @@ def write(key: str, payload: bytes) -> bool:
     return True
 
 
+def _is_private(folder: Path) -> bool:
+    """Whether nobody but this user and the administrator can write into a folder; a warning, once, where others can."""
+    if not hasattr(os, "geteuid"):
+        return True
+    status = folder.stat()
+    if status.st_uid in (0, os.geteuid()) and not status.st_mode & 0o022:
+        return True
+    if folder not in _REFUSED:
+        _REFUSED.add(folder)
+        warnings.warn(
+            f"{folder} is not used as a cache, because other users can write into it (owner {status.st_uid}, mode "
+            f"{status.st_mode & 0o7777:o}) and its entries are run: make it this user's own and chmod 700 it, or name "
+            f"another in {FOLDER_VARIABLE}",
+            LegDynamicsWarning,
+            stacklevel=3,
+        )
+    return False
+
+
 def _entries(folder: Path) -> list[tuple[float, int, Path]]:
     found = []
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             with contextlib.suppress(OSError):
-                if entry.is_file(follow_symlinks=False):
+                if _OURS.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
                     status = entry.stat()
                     found.append((status.st_mtime, status.st_size, Path(entry.path)))
     return sorted(found)

@@ -76,6 +76,11 @@ def instructions(function: casadi.Function) -> InstructionList:
     """
     import casadi
 
+    if not function.is_a("SXFunction"):
+        raise UnsupportedError(
+            f"the graph {function.name()!r} is not made of scalar operations: expand it (casadi.Function.expand), or "
+            "build it from casadi.SX"
+        )
     names = {getattr(casadi, f"OP_{name.upper()}"): name for name in _NAMES}
     builder = _Builder()
     slots: dict[int, int] = {}

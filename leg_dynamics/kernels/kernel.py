@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import importlib
 import importlib.metadata
 import json
+import math
+import operator
 import os
 import warnings
 from collections.abc import Callable
@@ -67,6 +70,9 @@ class Kernel:
     def __repr__(self) -> str:
         return f"<Kernel {self.name} {self.signature} by {self.backend}>"
 
+    def __reduce__(self) -> Any:
+        raise TypeError(f"{self!r} is machine code of this process: neither pickle nor copy it, make it again")
+
     def __call__(self, *arrays: Any, out: Any = None, threads: int | None = None) -> Any:
         """Evaluate on arrays whose leading dimensions broadcast.
 
@@ -84,31 +90,56 @@ class Kernel:
         -------
         array or tuple of arrays
         """
-        if threads is not None and (threads < 1 or threads != int(threads)):
-            raise ShapeError(f"threads must be a positive whole number, got {threads!r}")
-        if threads == 1:
-            return self.ufunc(*arrays, out=out)
-        given = [np.asarray(array) for array in arrays]
+        if threads is not None:
+            threads = _whole_number(threads)
+        if threads != 1:
+            divided = self._divided(arrays, out, threads)
+            if divided is not None:
+                return divided
+        # a ufunc of several outputs refuses out=None
+        return self.ufunc(*arrays) if out is None else self.ufunc(*arrays, out=out)
+
+    def _divided(self, arrays: tuple[Any, ...], out: Any, threads: int | None) -> Any:
+        """Evaluate on several threads; None where one does as well, or where NumPy has something to say."""
         cores = [len(argument.shape) for argument in self.inputs]
-        leading = [array.shape[: array.ndim - core] for array, core in zip(given, cores, strict=True)]
-        shape = np.broadcast_shapes(*leading)
-        count = int(np.prod(shape))
-        parts = threads or min(_processors(), count // _LEAST_ROWS_A_THREAD)
-        if parts <= 1 or not shape or shape[0] < parts:
-            return self.ufunc(*arrays, out=out)
-        results = self._outputs(shape, out)
+        given = [np.asarray(array) for array in arrays]
+        if len(given) != len(cores) or any(array.ndim < core for array, core in zip(given, cores, strict=True)):
+            return None
+        shape = np.broadcast_shapes(
+            *(array.shape[: array.ndim - core] for array, core in zip(given, cores, strict=True))
+        )
+        longest = max(shape, default=0)
+        parts = min(longest, threads or min(_processors(), math.prod(shape) // _LEAST_ROWS_A_THREAD))
+        if parts <= 1:
+            return None
+        shapes = [shape + argument.shape for argument in self.outputs]
+        if out is None:
+            results = tuple(np.empty(size) for size in shapes)
+        else:
+            results = out if isinstance(out, tuple) else (out,)
+            if len(results) != len(shapes) or not all(map(_is_plain, results, shapes)):
+                return None
+            # a thread must not write what another has yet to read
+            given = [
+                array.copy() if any(np.may_share_memory(array, result) for result in results) else array
+                for array in given
+            ]
         _in_threads(self.ufunc, given, results, cores, shape, parts)
         return results[0] if len(results) == 1 else results
 
-    def _outputs(self, shape: tuple[int, ...], out: Any) -> tuple[np.ndarray, ...]:
-        shapes = [shape + argument.shape for argument in self.outputs]
-        if out is None:
-            return tuple(np.empty(size) for size in shapes)
-        given = out if isinstance(out, tuple) else (out,)
-        for array, size in zip(given, shapes, strict=True):
-            if array.shape != size or array.dtype != np.float64:
-                raise ValueError(f"out has shape {array.shape} and type {array.dtype}, expected float64 {size}")
-        return given
+
+def _is_plain(array: Any, shape: tuple[int, ...]) -> bool:
+    return isinstance(array, np.ndarray) and array.shape == shape and array.dtype == np.float64
+
+
+def _whole_number(threads: Any) -> int:
+    try:
+        number = operator.index(threads)
+    except TypeError:
+        number = 0
+    if number < 1:
+        raise ShapeError(f"threads must be a positive whole number, got {threads!r}")
+    return number
 
 
 def _processors() -> int:
@@ -126,20 +157,22 @@ def _in_threads(
     shape: tuple[int, ...],
     parts: int,
 ) -> None:
-    """Split the first axis; NumPy releases the interpreter inside the loop."""
+    """Split the longest axis; NumPy releases the interpreter inside the loop."""
     from concurrent.futures import ThreadPoolExecutor
 
-    bounds = [shape[0] * part // parts for part in range(parts + 1)]
+    split = shape.index(max(shape))
+    bounds = [shape[split] * part // parts for part in range(parts + 1)]
 
     def piece(array: np.ndarray, core: int, rows: slice) -> np.ndarray:
-        follows = array.ndim - core == len(shape) and array.shape[0] == shape[0]
-        return array[rows] if follows else array
+        axis = array.ndim - core - len(shape) + split
+        follows = axis >= 0 and array.shape[axis] == shape[split]
+        return array[(slice(None),) * axis + (rows,)] if follows else array
 
     def run(part: int) -> None:
         rows = slice(bounds[part], bounds[part + 1])
         ufunc(
             *(piece(array, core, rows) for array, core in zip(arrays, cores, strict=True)),
-            out=tuple(result[rows] for result in results),
+            out=tuple(result[(slice(None),) * split + (rows,)] for result in results),
         )
 
     with ThreadPoolExecutor(parts - 1) as pool:
@@ -167,8 +200,14 @@ def llvm_is_available() -> bool:
 
 @functools.cache
 def _versions() -> str:
-    names = ("llvmlite", "casadi")
-    return " ".join(f"{name} {importlib.metadata.version(name)}" for name in names)
+    return " ".join(f"{name} {_version(name)}" for name in ("llvmlite", "casadi"))
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:  # some packagers leave the metadata out
+        return str(importlib.import_module(name).__version__)
 
 
 def compile_program(program: Program) -> Kernel:
@@ -190,7 +229,7 @@ def compile_program(program: Program) -> Kernel:
 
     target = host_target()
     text = assembly(program, target)
-    return _compiled(cache.key_of(_common_key(target), text), target, lambda: (program, text))
+    return _compiled(cache.key_of(_common_key(target), _header(program), text), target, lambda: (program, text))
 
 
 def kernel(name: str, ingredients: str, build: Callable[[], Program]) -> Kernel:
@@ -237,6 +276,11 @@ def _on_virtual_machine(program: Program) -> Kernel:
     )
 
 
+def _header(program: Program) -> bytes:
+    sides = [[(argument.name, argument.shape) for argument in side] for side in (program.inputs, program.outputs)]
+    return json.dumps({"name": program.name, "sides": sides}).encode()
+
+
 def _compiled(key: str, target: Target, assembled: Callable[[], tuple[Program, str]]) -> Kernel:
     from leg_dynamics.kernels.machine_code import compile_object, load_object
 
@@ -244,8 +288,7 @@ def _compiled(key: str, target: Target, assembled: Callable[[], tuple[Program, s
     if stored is None:
         program, text = assembled()
         code = compile_object(text, target)
-        sides = [[(argument.name, argument.shape) for argument in side] for side in (program.inputs, program.outputs)]
-        header = json.dumps({"name": program.name, "sides": sides}).encode()
+        header = _header(program)
         cache.write(key, len(header).to_bytes(4, "little") + header + code)
     else:
         size = 4 + int.from_bytes(stored[:4], "little")

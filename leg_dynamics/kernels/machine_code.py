@@ -27,7 +27,12 @@ def _initialised() -> Any:
 def _target_machine(target: Target, *, jit: bool = True) -> Any:
     llvm = _initialised()
     return llvm.Target.from_triple(target.triple).create_target_machine(
-        cpu=target.cpu, opt=2, reloc="default" if jit else "pic", codemodel="jitdefault" if jit else "small", jit=jit
+        cpu=target.cpu,
+        features=target.features,
+        opt=2,
+        reloc="default" if jit else "pic",
+        codemodel="jitdefault" if jit else "small",
+        jit=jit,
     )
 
 

@@ -7,14 +7,14 @@ passed flattened, row by row.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import casadi
 
-__all__ = ["Argument", "Program", "Solver", "signature_of"]
+__all__ = ["Argument", "Program", "Solver", "differentiated", "signature_of"]
 
 
 @dataclass(frozen=True)
@@ -87,6 +87,8 @@ class Program:
     solver: Solver | None = None
 
     def __post_init__(self) -> None:
+        if not self.inputs or not self.outputs or not all(a.size for a in (*self.inputs, *self.outputs)):
+            raise ValueError(f"{self.name}: a row needs inputs and outputs, each of at least one number")
         unknowns = 0 if self.solver is None else self.solver.size
         sizes = [argument.size for argument in self.inputs]
         wanted = [*sizes, unknowns] if self.solver else sizes
@@ -110,9 +112,56 @@ def signature_of(inputs: Iterable[Argument], outputs: Iterable[Argument]) -> str
     return "->".join(sides)
 
 
+def differentiated(
+    program: Program, name: str, by: Sequence[str], fixed: Mapping[str, casadi.DM] | None = None
+) -> Program:
+    """Return the program of a program's derivatives, exact, by automatic differentiation of its graph.
+
+    Parameters
+    ----------
+    program : Program
+        With one output of core shape (m,) and without a solver.
+    name : str
+        Of the new program and its output.
+    by : sequence of str
+        Inputs of shape (k,); the output is (m, sum of k), their Jacobians side by side.
+    fixed : mapping of str to casadi.DM, optional
+        Values at which some inputs are then held: they are no longer inputs.
+
+    Raises
+    ------
+    ValueError
+        The program has a solver, or several outputs.
+    """
+    import casadi
+
+    if program.solver is not None or len(program.outputs) != 1:
+        raise ValueError(f"{program.name} has a solver or several outputs: differentiate its formula instead")
+    held = dict(fixed or {})
+    symbols = {argument.name: casadi.SX.sym(argument.name, argument.size) for argument in program.inputs}
+    output, guards = program.formula(*symbols.values())
+    jacobian = casadi.horzcat(*(casadi.jacobian(output, symbols[label]) for label in by))
+    columns = jacobian.numel() // max(output.numel(), 1)
+    # row-major, as NumPy counts
+    flat = casadi.reshape(jacobian.T, -1, 1)
+    if held:
+        flat, guards = casadi.substitute(
+            [flat, guards], [symbols[label] for label in held], [casadi.SX(value) for value in held.values()]
+        )
+    inputs = tuple(argument for argument in program.inputs if argument.name not in held)
+    graph = casadi.Function(name, [symbols[argument.name] for argument in inputs], casadi.cse([flat, guards]))
+    return Program(name, inputs, (Argument(name, (output.numel(), columns)),), graph)
+
+
 def _check(function: casadi.Function, inputs: list[int], outputs: list[int], *, guards: bool = False) -> None:
     found_inputs = [function.numel_in(i) for i in range(function.n_in())]
     found_outputs = [function.numel_out(i) for i in range(function.n_out())]
+    columns = [function.sparsity_in(i) for i in range(function.n_in())]
+    if not all(column.is_dense() for column in columns):
+        raise ValueError(f"{function.name()} has an input with structural zeros: make it dense")
+    columns += [function.sparsity_out(i) for i in range(function.n_out())]
+    if not all(column.size2() == 1 or column.numel() == 0 for column in columns):
+        raise ValueError(f"{function.name()} has matrices or rows: flatten each to one column vector, row by row")
     if found_inputs != inputs or (found_outputs[:-1] if guards else found_outputs) != outputs:
         raise ValueError(
             f"{function.name()} maps {found_inputs} numbers to {found_outputs}, expected {inputs} to {outputs}"

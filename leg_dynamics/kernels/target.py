@@ -29,6 +29,8 @@ class Target:
         Doubles in a vector.
     fused : bool
         Whether there is a fused multiply-add.
+    features : str
+        What the processor has and lacks beyond its name, as LLVM writes it: a virtual machine may hide instructions.
     """
 
     level: str
@@ -36,6 +38,7 @@ class Target:
     cpu: str
     width: int
     fused: bool
+    features: str = ""
 
     @property
     def is_x86(self) -> bool:
@@ -73,7 +76,7 @@ def _host() -> Target:
         ("avx2", ("avx2", "fma")),
     ):
         if all(features.get(feature) for feature in needed):
-            return Target(level, triple, llvm.get_host_cpu_name(), _WIDTH[level], True)
+            return Target(level, triple, llvm.get_host_cpu_name(), _WIDTH[level], True, features.flatten())
     return target_for("sse2", triple)
 
 
@@ -86,7 +89,7 @@ def host_target() -> Target:
         The processor is of another family, or `LEVEL_VARIABLE` names no level that it has.
     """
     host = _host()
-    level = os.environ.get(LEVEL_VARIABLE, host.level)
+    level = os.environ.get(LEVEL_VARIABLE) or host.level
     if level == host.level:
         return host
     if level not in LEVELS or LEVELS.index(level) < LEVELS.index(host.level) or level == "neon" or not host.is_x86:

@@ -65,9 +65,9 @@ _ARC_SINE_DENOMINATOR = (
 )
 
 _TWO_OVER_PI = 2.0 / math.pi
-# pi/2 in parts: three of full length, exact in a fused multiply-subtract; or four, the first three of 33 bits, so that
-# a product with an integer below 2^20 is exact.
-_HALF_PI_FUSED = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
+# pi/2 in positive parts, which leave the angle -0.0 as it is: three of full length, exact in a fused multiply-subtract;
+# or four, the first three of 33 bits, so that a product with an integer below 2^20 is exact.
+_HALF_PI_FUSED = (1.5707963267948966, 6.123233995736765e-17, 1.082856673921914e-32)
 _HALF_PI_SPLIT = (
     1.57079632673412561417e00,
     6.07710050630396597660e-11,
@@ -102,6 +102,8 @@ class VectorCode:
         Doubles in a vector, a power of two.
     fused : bool
         Whether the machine multiplies and adds in one instruction.
+    spared : str
+        Calling convention of the helper that is hardly ever called: one that saves every register, where there is one.
 
     Attributes
     ----------
@@ -111,9 +113,10 @@ class VectorCode:
         Functions that it calls.
     """
 
-    def __init__(self, width: int, fused: bool) -> None:
+    def __init__(self, width: int, fused: bool, spared: str = "preserve_allcc") -> None:
         self.width = width
         self.fused = fused
+        self.spared = spared
         self.doubles = f"<{width} x double>"
         self.integers = f"<{width} x i64>"
         self.booleans = f"<{width} x i1>"
@@ -271,7 +274,8 @@ class VectorCode:
             r = self.multiply_add(n, self.constant(-part), r)
         z = self.mul(r, r)
         odd = self.polynomial(_SINE, z)
-        sine = self.multiply_add(self.mul(z, r), odd, r)
+        # the sign of a zero is that of the angle
+        sine = self.copysign(self.multiply_add(self.mul(z, r), odd, r), r)
         even = self.mul(self.mul(z, z), self.polynomial(_COSINE, z))
         half = self.mul(z, self.constant(0.5))
         one = self.constant(1.0)
@@ -293,17 +297,20 @@ class VectorCode:
         return self.integer_op("shl", bit, self.integer(62))
 
     def _library_sines_where(self, large: str, x: str, sine: str, cosine: str) -> tuple[str, str]:
-        """A branch that is hardly ever taken; the helper saves every register, so that it costs the others nothing."""
+        """A branch that is hardly ever taken; the helper saves the registers, so that it costs the others nothing.
+
+        The helper replaces the large angles' results only: a row's result does not depend on the rows beside it.
+        """
         size = 8 * self.width
         label = self.name()[1:]
         before, slow, after = self._block, f"slow_{label}", f"after_{label}"
         self.lines.append(f"  br i1 {large}, label %{slow}, label %{after}, !prof !0")
         self.lines.append(f"{slow}:")
-        self.lines.append(f"  store {self.doubles} {x}, ptr %scratch, align {size}")
-        self.lines.append("  call preserve_allcc void @library_sines(ptr %scratch)")
-        slow_sine = self.emit(f"load {self.doubles}, ptr %scratch, align {size}")
-        address = self.emit(f"getelementptr i8, ptr %scratch, i64 {size}")
-        slow_cosine = self.emit(f"load {self.doubles}, ptr {address}, align {size}")
+        places = ["%scratch", *(self.emit(f"getelementptr i8, ptr %scratch, i64 {k * size}") for k in (1, 2))]
+        for place, value in zip(places, (x, sine, cosine), strict=True):
+            self.lines.append(f"  store {self.doubles} {value}, ptr {place}, align {size}")
+        self.lines.append(f"  call {self.spared} void @library_sines(ptr %scratch)")
+        slow_sine, slow_cosine = (self.emit(f"load {self.doubles}, ptr {place}, align {size}") for place in places[1:])
         self.lines.append(f"  br label %{after}")
         self.lines.append(f"{after}:")
         self._block = after
@@ -317,13 +324,16 @@ class VectorCode:
         ax, ay = self.fabs(x), self.fabs(y)
         steep = self.compare("ogt", ay, ax)
         a, b = self.select(steep, ax, ay), self.select(steep, ay, ax)
-        # equal infinities count as equal numbers; halves keep a + b from overflowing
+        # equal infinities count as equal numbers; a zero times a keeps a NaN
         infinite = self.compare("oeq", b, self.constant(math.inf))
         both = self.combine("and", infinite, self.compare("oeq", a, b))
-        half, tiny = self.constant(0.5), self.constant(1e-300)
-        scaling = self.select(self.compare("olt", b, tiny), self.constant(1.0), half)
+        zero = self.mul(a, self.constant(0.0))
+        # a power of two keeps a + b from overflowing, and subnormal numbers from losing digits below
+        scaling = self.select(
+            self.compare("olt", b, self.constant(2.0**500)), self.constant(2.0**100), self.constant(2.0**-100)
+        )
         a, b = self.mul(a, scaling), self.mul(b, scaling)
-        a = self.select(both, self.constant(1.0), self.select(infinite, self.constant(0.0), a))
+        a = self.select(both, self.constant(1.0), self.select(infinite, zero, a))
         b = self.select(infinite, self.constant(1.0), b)
         b = self.select(self.compare("oeq", b, self.constant(0.0)), self.constant(1.0), b)
         wide = self.compare("ogt", a, self.mul(b, self.constant(_TAN_PI_8)))
@@ -438,8 +448,8 @@ class VectorCode:
             case "if_else_zero":
                 return self.select(self._mask(x), operands[1], self.constant(0.0))
             case "fmin" | "fmax":
-                mask = self.compare("olt" if name == "fmin" else "ogt", *operands)
-                return self.select(mask, *operands)
+                # as in C, of a number and a NaN the number
+                return self._intrinsic("minnum" if name == "fmin" else "maxnum", *operands)
             case "sign":
                 # zeros and NaN are their own sign
                 unit = self.copysign(self.constant(1.0), x)
@@ -451,23 +461,32 @@ class VectorCode:
         raise NotImplementedError(f"operation {name!r}")
 
     def library_sines(self, attributes: str) -> str:
-        """Definition of the helper that takes `width` sines and cosines from the C library."""
+        """Definition of the helper for %scratch: angles, sines, cosines; large angles' from the C library."""
         self.declare("declare double @sin(double)")
         self.declare("declare double @cos(double)")
+        self.declare("declare double @llvm.fabs.f64(double)")
         return f"""
-define internal preserve_allcc void @library_sines(ptr %scratch) noinline {attributes} {{
+define internal {self.spared} void @library_sines(ptr %scratch) noinline {attributes} {{
 entry:
   br label %loop
 loop:
-  %row = phi i64 [ 0, %entry ], [ %next, %loop ]
+  %row = phi i64 [ 0, %entry ], [ %next, %skip ]
   %at = getelementptr double, ptr %scratch, i64 %row
   %angle = load double, ptr %at
+  %size = call double @llvm.fabs.f64(double %angle)
+  %large = fcmp ogt double %size, {double(LARGEST_ANGLE)}
+  br i1 %large, label %replace, label %skip
+replace:
   %sine = call double @sin(double %angle)
   %cosine = call double @cos(double %angle)
-  store double %sine, ptr %at
   %second = add i64 %row, {self.width}
   %to = getelementptr double, ptr %scratch, i64 %second
-  store double %cosine, ptr %to
+  store double %sine, ptr %to
+  %third = add i64 %second, {self.width}
+  %into = getelementptr double, ptr %scratch, i64 %third
+  store double %cosine, ptr %into
+  br label %skip
+skip:
   %next = add i64 %row, 1
   %more = icmp ult i64 %next, {self.width}
   br i1 %more, label %loop, label %done

@@ -39,7 +39,7 @@ class VirtualMachine:
         """Evaluate; positional arguments after the inputs are outputs, as for a ufunc."""
         if len(arrays) > self.nin:
             arrays, out = arrays[: self.nin], arrays[self.nin :]
-        inputs = [np.asarray(array, dtype=np.float64) for array in arrays]
+        inputs = [_numbers(array) for array in arrays]
         leading = []
         for array, argument in zip(inputs, self.program.inputs, strict=True):
             core = array.ndim - len(argument.shape)
@@ -60,9 +60,12 @@ class VirtualMachine:
         shaped = [r.reshape(shape + argument.shape) for r, argument in zip(results, self.program.outputs, strict=True)]
         if out is not None:
             given = out if isinstance(out, tuple) else (out,)
-            for target, result in zip(given, shaped, strict=True):
-                target[...] = result
-            shaped = list(given)
+            for number, (target, result) in enumerate(zip(given, shaped, strict=True)):
+                if target is not None:
+                    target[...] = result
+                    shaped[number] = target
+        else:
+            shaped = [result[()] for result in shaped]
         return shaped[0] if len(shaped) == 1 else tuple(shaped)
 
     def _block(self, inputs: list[np.ndarray], outputs: list[np.ndarray]) -> None:
@@ -81,6 +84,13 @@ class VirtualMachine:
         if failed:
             with self._lock:
                 self._counter[0] += failed
+
+
+def _numbers(given: Any) -> np.ndarray:
+    array = np.asarray(given)
+    if not np.can_cast(array.dtype, np.float64):
+        raise TypeError(f"an array of type {array.dtype} does not convert to float64 safely")
+    return array.astype(np.float64, copy=False)
 
 
 def _call(function: casadi.Function, columns: list[np.ndarray]) -> list[np.ndarray]:
@@ -117,4 +127,4 @@ def _solve(solver: Solver, inputs: list[np.ndarray]) -> tuple[np.ndarray, np.nda
         ready = arrived & last
         reached |= ready
         finished |= ready | ~arrived
-    return unknowns, reached
+    return unknowns, reached & np.isfinite(unknowns).all(axis=0)
