@@ -743,7 +743,7 @@ def test_everything_else_works_without_a_foot(footless):
 def test_what_only_the_numeric_route_offers():
     closed, numeric = ld.load("omnileg"), ld.load("omnileg", "pinocchio")
     for call in (closed.mobility_report, lambda: closed.loop_forces(Q, V, A)):
-        with pytest.raises(UnsupportedError, match="route='pinocchio'"):
+        with pytest.raises(UnsupportedError, match="by another route"):
             call()
     report = numeric.mobility_report(samples=3)
     assert (report.mobility, report.redundant) == (3, 9)

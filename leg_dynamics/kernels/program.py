@@ -94,6 +94,8 @@ class Program:
         wanted = [*sizes, unknowns] if self.solver else sizes
         _check(self.formula, wanted, [argument.size for argument in self.outputs], guards=True)
         if self.solver is not None:
+            if self.solver.iterations < 1 or self.solver.most_stages < 1:
+                raise ValueError(f"{self.name}: the solver needs at least one iteration and one stage")
             _check(self.solver.start, sizes, [unknowns])
             _check(self.solver.stages, sizes, [1])
             _check(self.solver.step, [*sizes, 1, unknowns], [unknowns, 1])
