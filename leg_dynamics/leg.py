@@ -170,8 +170,8 @@ class Route(Protocol):
 class QuickRoute(Route, Protocol):
     """A route whose methods are kernels that can be called on float64 arrays without any check before."""
 
-    def quick(self, name: str) -> Callable[..., np.ndarray | None]:
-        """Function of arrays that broadcast, for the method `name` or ``loaded_torque`` (with force and gravity).
+    def quick(self, name: str) -> Callable[..., np.ndarray | None] | None:
+        """Function of arrays that broadcast, or None where there is none, for the method `name` or ``loaded_torque`` (with force and gravity).
 
         It raises ValueError where a last axis does not fit, and returns None where a row failed.
         """

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from leg_dynamics.description.model import Description
+    from leg_dynamics.mechanism.route import PinocchioRoute
 
 __all__ = ["ROUTES", "Recipe", "available", "load", "routes_of", "sibling", "with_text"]
 
@@ -106,7 +107,8 @@ class Recipe:
             )
         hip = "hip" if self.description.has_link("hip") else None
 
-        def numeric() -> Any:
+        @functools.cache
+        def numeric() -> PinocchioRoute:
             from leg_dynamics.mechanism.route import PinocchioRoute
 
             return PinocchioRoute(self.description, self.foot, hip)
@@ -115,7 +117,11 @@ class Recipe:
             return numeric()
         from leg_dynamics.symbolic.route import SymbolicRoute
 
-        return SymbolicRoute(self.description, self.foot, hip, fallback=numeric, threads=self.threads)
+        def seed() -> dict[str, float]:
+            route = numeric()
+            return dict(zip(route.tree_joint_names, route.mechanism.seeds[0].q.tolist(), strict=True))
+
+        return SymbolicRoute(self.description, self.foot, hip, seed=seed, fallback=numeric, threads=self.threads)
 
     def build(self) -> Leg:
         """Make the leg."""

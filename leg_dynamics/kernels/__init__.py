@@ -6,7 +6,7 @@ This package knows nothing of legs: a `Program` is a CasADi graph with named inp
 from __future__ import annotations
 
 from leg_dynamics.kernels.kernel import Kernel, compile_program, kernel, llvm_is_available
-from leg_dynamics.kernels.program import Argument, Program, Solver, differentiated
+from leg_dynamics.kernels.program import Argument, Program, Solver, differentiated, with_held
 
 __all__ = [
     "Argument",
@@ -17,4 +17,5 @@ __all__ = [
     "differentiated",
     "kernel",
     "llvm_is_available",
+    "with_held",
 ]

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import casadi
 
-__all__ = ["Argument", "Program", "Solver", "differentiated", "signature_of"]
+__all__ = ["Argument", "Program", "Solver", "differentiated", "signature_of", "with_held"]
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,38 @@ def signature_of(inputs: Iterable[Argument], outputs: Iterable[Argument]) -> str
         ",".join("(" + ",".join(map(str, argument.shape)) + ")" for argument in side) for side in (inputs, outputs)
     )
     return "->".join(sides)
+
+
+def with_held(program: Program, name: str, values: Mapping[str, Sequence[float]]) -> Program:
+    """Return the program with some inputs held at constant values, which are then no inputs any more.
+
+    Parameters
+    ----------
+    program : Program
+    name : str
+        Of the new program.
+    values : mapping of str to sequence of float
+        Numbers of each held input, flattened.
+    """
+    import casadi
+
+    kept = tuple(argument for argument in program.inputs if argument.name not in values)
+    symbols = {argument.name: casadi.SX.sym(argument.name, argument.size) for argument in kept}
+    symbols |= {label: casadi.SX(casadi.DM(list(numbers))) for label, numbers in values.items()}
+    given = [symbols[argument.name] for argument in program.inputs]
+    own = [symbols[argument.name] for argument in kept]
+
+    def held(function: casadi.Function, *more: casadi.SX) -> casadi.Function:
+        results: Any = function(*given, *more)
+        listed = list(results) if isinstance(results, (tuple, list)) else [results]
+        return casadi.Function(function.name(), [*own, *more], casadi.cse(listed))
+
+    solver = program.solver
+    if solver is None:
+        return replace(program, name=name, inputs=kept, formula=held(program.formula))
+    z, s = casadi.SX.sym("z", solver.size), casadi.SX.sym("s")
+    solver = replace(solver, start=held(solver.start), stages=held(solver.stages), step=held(solver.step, s, z))
+    return replace(program, name=name, inputs=kept, formula=held(program.formula, z), solver=solver)
 
 
 def differentiated(

@@ -1,0 +1,91 @@
+"""What is found from samples: relations, merged inertia, explicit steps, and the seed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from leg_dynamics.description import parse, read
+from leg_dynamics.errors import AssemblyError, DescriptionError
+from leg_dynamics.symbolic.closure import Closure
+from leg_dynamics.symbolic.coordinates import reduce_coordinates
+from leg_dynamics.symbolic.model import build_model
+from leg_dynamics.symbolic.numbers import Numbers
+from leg_dynamics.symbolic.sampling import ClosureArrays
+from leg_dynamics.symbolic.seed import find_seed, needs_seed
+from leg_dynamics.symbolic.tree import build_tree, characteristic_length
+
+
+@pytest.fixture(scope="module")
+def omnileg():
+    return build_model(read("omnileg"), "foot", "hip")
+
+
+def test_omnileg_keeps_four_unknowns_and_finds_them_one_by_one(omnileg):
+    assert omnileg.coordinates.names[3:] == ("theta12", "theta22", "cardan_A4_y", "cardan_A4_x")
+    assert not omnileg.iterates
+    forms = omnileg.coordinates.forms
+    assert forms["phi_D2"].terms == ((2, -2.0),)
+    assert forms["theta33"] == forms["theta12"]
+
+
+def test_omnileg_inertia_merges_into_few_parameters(omnileg):
+    values = [value for body in omnileg.bodies for value in body.inertia.values() if value != 0.0]
+    assert len(values) < 20
+
+
+def test_a_relation_that_is_not_exact_is_not_used(lab):
+    text = lab.slider_crank()
+    assert build_model(parse(text)).nz == 2
+
+
+def test_relations_hold_for_one_geometry_and_merged_inertia_for_one_set_of_masses():
+    model = build_model(read("omnileg"), "foot", "hip", parameters=["foot.mass"])
+    assert model.nz == 4
+    assert len(model.bodies) > 20
+    model = build_model(read("omnileg"), "foot", "hip", parameters=["theta13.origin.z"])
+    assert model.nz == 16
+    assert model.iterates
+    assert model.pattern.all()
+
+
+def parts(description):
+    coordinates = reduce_coordinates(description)
+    numbers = Numbers.of(description)
+    tree = build_tree(description, coordinates, numbers, None, characteristic_length(description))
+    return coordinates, ClosureArrays(
+        Closure(description, tree, numbers), coordinates.n, np.ones(len(coordinates.names))
+    )
+
+
+def test_rounded_configurations_are_corrected(lab):
+    description = parse(lab.crank_rocker())
+    coordinates, arrays = parts(description)
+    rounded = {name: round(value, 3) for name, value in description.home.values.items()}
+    exact = find_seed(description, coordinates, arrays)
+    found = find_seed(description, coordinates, arrays, rounded)
+    phi, _ = arrays.rows(found[None])
+    assert np.abs(phi).max() < 1e-14
+    assert np.abs(found - exact).max() < 5e-3
+
+
+def test_an_open_or_mirrored_pose_is_no_seed(lab):
+    text = lab.crank_rocker()
+    description = parse(text)
+    coordinates, arrays = parts(description)
+    assert not needs_seed(description, coordinates, arrays)
+    with pytest.raises(AssemblyError):
+        find_seed(description, coordinates, arrays, {"crank": 0.0, "coupler": 0.0, "rocker": 1.0})
+    bare = parse(text[: text.index("<configuration")] + "</robot>")
+    assert needs_seed(bare, coordinates, arrays)
+    with pytest.raises(AssemblyError):
+        find_seed(bare, coordinates, arrays)
+
+
+def test_flags_that_do_not_fit_the_mobility(lab):
+    text = lab.crank_rocker()
+    with pytest.raises(DescriptionError, match="mobility"):
+        build_model(parse(text.replace('independent="false"', 'independent="true"', 1)))
+    free = text[: text.index("<loop")] + text[text.index("<configuration") :]
+    with pytest.raises(DescriptionError):
+        build_model(parse(free))
