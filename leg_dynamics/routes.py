@@ -193,11 +193,17 @@ _SPACING = 0.01
 _SMOOTH = 1e-3
 
 
+@functools.lru_cache(maxsize=128)
+def _changed(source: str, overrides: tuple[tuple[str, float], ...]) -> Description:
+    """The source read with other values; every route asks for the same ones."""
+    from leg_dynamics.description import read
+
+    return read(source, parameters=dict(overrides))
+
+
 @functools.lru_cache(maxsize=256)
 def _design_derivative(recipe: Recipe, name: str) -> Mapping[str, float]:
     """Derivatives of the route's numbers by a design parameter, where they are not zero."""
-    from leg_dynamics.description import read
-
     assert recipe.source is not None
     route = recipe.backend()
     value = recipe.description.parameters[name].value
@@ -205,7 +211,7 @@ def _design_derivative(recipe: Recipe, name: str) -> Mapping[str, float]:
 
     def numbers(k: int) -> dict[str, float]:
         overrides = dict(recipe.overrides) | {name: value + k * h}
-        return route.numbers_of(read(recipe.source, parameters=overrides))  # type: ignore[attr-defined, arg-type]
+        return route.numbers_of(_changed(recipe.source, tuple(overrides.items())))  # type: ignore[attr-defined, arg-type]
 
     centre = route.numbers_of(recipe.description)  # type: ignore[attr-defined]
     try:
@@ -220,6 +226,8 @@ def _design_derivative(recipe: Recipe, name: str) -> Mapping[str, float]:
             ) from error
     derivatives = {}
     for number, middle in centre.items():
+        if any(number not in sample for sample in samples.values()):
+            raise ParameterError(f"{number} exists for some values of {name} only: differentiate by another parameter")
         if -1 in samples:
             slopes = [(samples[k][number] - samples[-k][number]) * weight for k, weight in _CENTRAL]
             rough = (8.0 * (samples[1][number] - samples[-1][number]) - samples[2][number] + samples[-2][number]) / 12.0

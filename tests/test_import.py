@@ -42,6 +42,6 @@ def test_a_numeric_leg_needs_no_symbolic_library():
 def test_public_names():
     assert set(leg_dynamics.__all__) <= set(dir(leg_dynamics))
     assert leg_dynamics.load is leg_dynamics.routes.load
-    assert leg_dynamics.available() == ("omnileg", *leg_dynamics.available()[1:])
+    assert "omnileg" in leg_dynamics.available()
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         _ = leg_dynamics.nonsense

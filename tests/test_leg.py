@@ -90,7 +90,7 @@ def arguments(leg, method):
     return [values[letter] for letter in METHODS[method]]
 
 
-@pytest.fixture(scope="module", params=["closed_form", "pinocchio"])
+@pytest.fixture(scope="module", params=["closed_form", "pinocchio", "symbolic"])
 def leg(request):
     return ld.load("omnileg", request.param)
 

@@ -188,7 +188,7 @@ class FormulaKernels:
         formula, arguments = DERIVATIVES[name]
         plain = self.program(formula, vary)
         by = [*arguments, "parameters"] if vary else list(arguments)
-        known = named_numbers(self.leg)
+        known = self.numbers()
         fixed = {"parameters": [known[number] for number in vary]} if vary else {}
         return differentiated(plain, name, by, {label: casadi.DM(values) for label, values in fixed.items()})
 
@@ -209,7 +209,7 @@ class FormulaKernels:
         if vary:
             arguments.append(Argument("parameters", (len(vary),)))
             symbols.append(casadi.SX.sym("parameters", len(vary)))
-            leg = with_numbers(leg, dict(zip(vary, _components(symbols[-1]), strict=True)))
+            leg = with_numbers(complete(self.module, leg), dict(zip(vary, _components(symbols[-1]), strict=True)))
         nested, guards = traced(leg, [_components(symbol) for symbol in symbols[: len(inputs)]])
         shape = _shape(nested)
         outputs = casadi.vertcat(*_flat(nested)) if shape else casadi.SX(nested)
@@ -218,7 +218,12 @@ class FormulaKernels:
 
     def numbers(self) -> dict[str, float]:
         """Names and values that `vary` can choose from."""
-        return dict(named_numbers(self.leg))
+        return dict(named_numbers(complete(self.module, self.leg)))
+
+
+def complete(module: ModuleType, leg: Any) -> Any:
+    """The leg with numbers written out that are left out where they are zero."""
+    return module.with_every_number(leg) if hasattr(module, "with_every_number") else leg
 
 
 def _components(symbol: casadi.SX) -> tuple[Any, ...]:

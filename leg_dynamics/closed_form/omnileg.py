@@ -146,6 +146,7 @@ __all__ = [
     "transmission_motions",
     "tree_coefficients",
     "tree_coordinates",
+    "with_every_number",
     "zero_pose",
 ]
 
@@ -1171,6 +1172,12 @@ def forward_dynamics(leg: OmniLeg, q: Vector, v: Vector, torque: Vector, gravity
 
 # 3 Dynamics: (44)-(46) reduced to composite parameters. The functions above are the paper's equations body by body and
 # the oracle of the functions below, which are equal to them and cost a tenth of their arithmetic.
+
+
+def with_every_number(leg: OmniLeg) -> OmniLeg:
+    """Return the same leg with damping and friction of all 22 tree joints written out, zeros included."""
+    given = {each.joint: each for each in leg.dissipation}
+    return replace(leg, dissipation=tuple(given.get(name, Dissipation(name, 0.0, 0.0)) for name in TREE_JOINT_NAMES))
 
 
 def composite_parameters(leg: OmniLeg) -> CompositeParameters:

@@ -14,7 +14,8 @@ as keywords); where it has singular configurations, ``singularity_margins(leg, q
 ``SINGULARITY_LIMIT``; where its inertia reduces to fewer base parameters, ``composite_parameters(leg)`` and the dynamic
 formulas above as ``composite_inverse_dynamics(leg, parameters, q, v, a, gravity, force)`` and so on, which kernels then
 use (``force`` acts on the foot; ``composite_forward_dynamics`` takes it too), and
-``BASE_PARAMETER_NAMES``, ``BASE_PARAMETER_UNITS``, ``base_parameters(leg)``, ``regressor(leg, q, v, a, gravity)``.
+``BASE_PARAMETER_NAMES``, ``BASE_PARAMETER_UNITS``, ``base_parameters(leg)``, ``regressor(leg, q, v, a, gravity)``;
+where numbers are left out when they are zero, ``with_every_number(leg)``.
 
 The methods run the formulas as kernels (see `compiled`); `ClosedFormRoute.plain` evaluates the same formulas on floats
 and arrays, which says why a row failed.
@@ -31,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from leg_dynamics import closed_form
-from leg_dynamics.closed_form.compiled import FormulaKernels
+from leg_dynamics.closed_form.compiled import FormulaKernels, complete
 from leg_dynamics.closed_form.numbers import named_numbers
 from leg_dynamics.description.topology import actuated_joints
 from leg_dynamics.errors import (
@@ -337,7 +338,8 @@ class ClosedFormRoute:
     def numbers_of(self, description: Description) -> dict[str, float]:
         """Names and values of the numbers that the formulas take from a description."""
         ingredients = _ingredients(self.formulas, description, self.options)
-        return dict(named_numbers(_numbers(self.module, description, self.options, ingredients)))
+        numbers = _numbers(self.module, description, self.options, ingredients)
+        return dict(named_numbers(complete(self.module, numbers)))
 
     @property
     def base_parameters(self) -> dict[str, tuple[float, str]]:

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from leg_dynamics.errors import OutputError
+from leg_dynamics.errors import OutputError, ParameterError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
@@ -158,8 +158,8 @@ class Check:
     Attributes
     ----------
     name : str
-    value : float
-        The error; NaN fails.
+    value : float or None
+        The error; NaN fails. None where it was not run, for want of an optional extra.
     tolerance : float
     unit : str
     of : str
@@ -167,28 +167,36 @@ class Check:
     """
 
     name: str
-    value: float
+    value: float | None
     tolerance: float
     unit: str = ""
     of: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "value", float(self.value))
+        object.__setattr__(self, "value", None if self.value is None else float(self.value))
         object.__setattr__(self, "tolerance", float(self.tolerance))
 
     @property
-    def passed(self) -> bool:
-        """Whether the error is within the tolerance."""
-        return self.value <= self.tolerance
+    def state(self) -> str:
+        """``holds``, ``fails`` or ``not run``."""
+        if self.value is None:
+            return "not run"
+        return "holds" if self.value <= self.tolerance else "fails"
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether the error is within the tolerance; None where it was not run."""
+        return None if self.value is None else self.state == "holds"
 
     def to_dict(self) -> dict[str, Any]:
         """The check as JSON-ready values."""
         return {
             "name": self.name,
-            "value": _finite_or_none(self.value),
+            "value": None if self.value is None else _finite_or_none(self.value),
             "tolerance": self.tolerance,
             "unit": self.unit,
             "of": self.of,
+            "state": self.state,
             "passed": self.passed,
         }
 
@@ -285,6 +293,19 @@ class Section:
         }
 
 
+def whole(what: str, value: Any, least: int) -> int:
+    """Return a whole number that is not below `least`.
+
+    Raises
+    ------
+    ParameterError
+        It is something else.
+    """
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
+        raise ParameterError(f"{what} must be a whole number, at least {least}, not {value!r}", name=what, value=value)
+    return int(value)
+
+
 @dataclass(eq=False)
 class Context:
     """What verdicts are computed from; built lazily, the same for all of them.
@@ -297,6 +318,11 @@ class Context:
         Of every random number.
     samples : int
         States in `q`.
+
+    Raises
+    ------
+    ParameterError
+        The seed or the number of samples is no such number.
     """
 
     name: str
@@ -304,6 +330,10 @@ class Context:
     samples: int = 2000
     shared: dict[str, Any] = field(default_factory=dict, repr=False)
     """Results that several verdicts use, by name: see `once`."""
+
+    def __post_init__(self) -> None:
+        self.seed = whole("seed", self.seed, 0)
+        self.samples = whole("samples", self.samples, 1)
 
     @cached_property
     def leg(self) -> Leg:
@@ -415,8 +445,14 @@ class PaperReport:
 
     @property
     def passed(self) -> bool:
-        """Whether every check holds; a corrected equation is a finding, not a failure."""
-        return all(check.passed for check in self.checks)
+        """Whether no check fails; a corrected equation is a finding, and a check that was not run is neither."""
+        return all(check.state != "fails" for check in self.checks)
+
+    def held(self) -> str:
+        """How many of the checks that were run hold, and how many were not run, in words."""
+        states = Counter(check.state for check in self.checks)
+        left_out = f", {states['not run']} not run" if states["not run"] else ""
+        return f"{states['holds']} of {len(self.checks) - states['not run']} hold{left_out}"
 
     def counts(self) -> dict[Status, int]:
         """How many verdicts have each status, in the order of `Status`."""
@@ -489,12 +525,7 @@ class PaperReport:
         from leg_dynamics.papers.page import render_page
 
         folder = Path(folder)
-        try:
-            (folder / "plots").mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(
-                f"the folder {folder} cannot be made: {error.strerror or error}; choose another one", path=str(folder)
-            ) from error
+        _make_room(folder, ("index.html", "report.json", *(f"plots/{plot.name}.png" for plot in self.plots)))
         pictures = {}
         written = []
         for number, plot in enumerate(self.plots):
@@ -604,6 +635,33 @@ def _finite_or_none(value: float) -> float | None:
 def _tell(progress: Progress | None, what: str, share: float) -> None:
     if progress is not None:
         progress(what, share)
+
+
+def _make_room(folder: Path, names: Sequence[str]) -> None:
+    """Make the folders of files to come, and find what is in their way before anything is written."""
+    targets = [folder / name for name in names]
+    for parent in dict.fromkeys(place for target in targets for place in (folder, target.parent)):
+        # A link that leads nowhere does not exist, and yet nothing can be made in its place.
+        if not parent.is_dir() and (parent.exists() or parent.is_symlink()):
+            what = "a link that leads nowhere" if parent.is_symlink() and not parent.exists() else "a file"
+            raise OutputError(
+                f"{parent} is {what} where a folder is needed; move it away, or choose another output folder",
+                path=str(parent),
+            )
+    for target in targets:
+        if target.is_dir():
+            raise OutputError(
+                f"{target} is a folder where a file is to be written; move it away, or choose another output folder",
+                path=str(target),
+            )
+    for parent in dict.fromkeys(target.parent for target in targets):
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"the folder {parent} cannot be made: {error.strerror or error}; choose another output folder",
+                path=str(parent),
+            ) from error
 
 
 def _write(path: Path, content: bytes) -> Path:

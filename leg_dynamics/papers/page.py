@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -78,9 +78,10 @@ th { text-align: left; font-weight: 600; color: var(--soft); border-bottom: 2px 
 th, td { padding: .45rem .7rem .45rem 0; vertical-align: top; }
 td { border-bottom: 1px solid var(--line); }
 .numbers { font-variant-numeric: tabular-nums; }
-.numbers td { white-space: nowrap; } .numbers td:last-child { white-space: normal; }
+.numbers td { overflow-wrap: break-word; }
 .verdicts > tbody > tr > td:first-child { width: 9rem; font-weight: 600; }
 .verdicts > tbody > tr > td:last-child { width: 10.5rem; text-align: right; padding-right: 0; }
+tr[hidden] { display: none !important; }
 .verdicts > tbody > tr:target { background: color-mix(in srgb, var(--link) 12%, transparent); }
 .verdicts > tbody > tr > td:first-child { padding-left: .4rem; }
 .title { font-weight: 600; }
@@ -91,6 +92,7 @@ td { border-bottom: 1px solid var(--line); }
 details { margin-top: .4rem; } summary { cursor: pointer; color: var(--link); font-size: .88rem; }
 details table { font-size: .85rem; margin-top: .3rem; }
 figure { margin: 1.4rem 0; background: #ffffff; border: 1px solid var(--line); border-radius: 8px; overflow: hidden; }
+figure .scroll { margin: 0; }
 figure img { display: block; width: 100%; height: auto; padding: .6rem; background: #ffffff; }
 figcaption { background: var(--card); padding: .6rem .9rem .7rem; border-top: 1px solid var(--line); }
 figcaption b { color: var(--ink); }
@@ -101,9 +103,15 @@ figcaption b { color: var(--ink); }
 .fails { color: #c62f2f; font-weight: 700; }
 footer { margin-top: 3rem; padding-top: 1rem; padding-bottom: 3rem; border-top: 1px solid var(--line);
   font-size: .9rem; }
-@media (max-width: 44rem) { .verdicts > tbody > tr > td { display: block; width: auto !important; border: 0;
-  text-align: left !important; padding: .15rem 0; } .verdicts > tbody > tr { display: block; padding: .6rem 0;
-  border-bottom: 1px solid var(--line); } .verdicts thead { display: none; } nav { position: static; } }
+@media (max-width: 44rem) { table, tbody { display: block; } thead { display: none; }
+  .verdicts > tbody > tr, .numbers tr { display: block; padding: .6rem 0; border-bottom: 1px solid var(--line); }
+  .numbers tr { padding: .35rem 0; }
+  .verdicts > tbody > tr > td, .numbers td { display: block; width: auto !important; border: 0;
+    text-align: left !important; padding: .1rem 0; }
+  .numbers td:first-child { font-weight: 600; } .numbers td:empty { display: none; }
+  .numbers td[data-label]:not(:first-child)::before { content: attr(data-label) ": "; color: var(--soft); }
+  .forms { grid-template-columns: 1fr; }
+  figure img { width: 46rem; max-width: none; } nav { position: static; } }
 @media print { nav, .filter { display: none; } figure, tr { break-inside: avoid; } }
 """
 
@@ -197,13 +205,18 @@ def _summary(report: PaperReport) -> list[str]:
         parts.append("</div>")
     if report.checks:
         parts.append("<h3>What must hold, or nothing here counts</h3>")
+        parts.append(
+            f"<p>Checks of this project, not of the paper, and not counted above: {escape(report.held())}.</p>"
+        )
         parts.append('<div class="scroll"><table class="numbers"><thead><tr><th>Check</th><th>Error</th>')
         parts.append("<th>Tolerance</th><th></th><th>Over</th></tr></thead><tbody>")
         for check in report.checks:
-            state = "holds" if check.passed else '<span class="fails">fails</span>'
+            state = '<span class="fails">fails</span>' if check.state == "fails" else check.state
+            error = "–" if check.value is None else f"{_number(check.value, 2)} {escape(check.unit)}"
             parts.append(
-                f"<tr><td>{escape(check.name)}</td><td>{_number(check.value, 2)} {escape(check.unit)}</td>"
-                f"<td>{_number(check.tolerance, 2)}</td><td>{state}</td><td>{escape(check.of)}</td></tr>"
+                f'<tr><td>{escape(check.name)}</td><td data-label="error">{error}</td>'
+                f'<td data-label="tolerance">{_number(check.tolerance, 2)}</td><td>{state}</td>'
+                f"<td>{escape(check.of)}</td></tr>"
             )
         parts.append("</tbody></table></div>")
     return [*parts, "</section>"]
@@ -278,19 +291,29 @@ def _section(report: PaperReport, section: Section, pictures: Mapping[str, str])
     if section.rows:
         cells = "".join(f"<th>{escape(cell)}</th>" for cell in section.header)
         parts.append(f'<div class="scroll"><table class="numbers"><thead><tr>{cells}</tr></thead><tbody>')
-        parts += [f"<tr>{''.join(f'<td>{_text(cell)}</td>' for cell in row)}</tr>" for row in section.rows]
+        parts += [_row(section.header, row) for row in section.rows]
         parts.append("</tbody></table></div>")
     if section.note:
         parts.append(f'<p class="note">{escape(section.note)}</p>')
     return [*parts, *(_picture(report, name, pictures) for name in section.plots), "</section>"]
 
 
+def _row(header: Sequence[str], cells: Sequence[str]) -> str:
+    """A row whose cells know their heading: on a narrow screen they stand below each other without the head."""
+    labelled = zip(header, cells, strict=True)
+    return f"<tr>{''.join(f'<td{_labelled(name)}>{_text(cell)}</td>' for name, cell in labelled)}</tr>"
+
+
+def _labelled(name: str) -> str:
+    return f' data-label="{escape(name)}"' if name else ""
+
+
 def _picture(report: PaperReport, name: str, pictures: Mapping[str, str]) -> str:
     plot = next(plot for plot in report.plots if plot.name == name)
     data = base64.b64encode(pictures[name].encode("utf-8")).decode("ascii")
     return (
-        f'<figure id="plot-{escape(name)}"><img alt="{escape(f"{plot.title}. {plot.caption}")}" '
-        f'src="data:image/svg+xml;base64,{data}">'
+        f'<figure id="plot-{escape(name)}"><div class="scroll" tabindex="0"><img '
+        f'alt="{escape(f"{plot.title}. {plot.caption}")}" src="data:image/svg+xml;base64,{data}"></div>'
         f"<figcaption><b>{escape(plot.title)}.</b> {escape(plot.caption)}</figcaption></figure>"
     )
 

@@ -18,6 +18,9 @@ STYLES = {
     Status.OUT_OF_REACH: "dim",
 }
 
+STATES = {"holds": ("holds", "green"), "fails": ("FAILS", "bold red"), "not run": ("not run", "dim")}
+"""Of checks: word and style."""
+
 
 def report_table(report: PaperReport) -> Any:
     """Verdicts, then checks, then the summary count, as one renderable of rich."""
@@ -50,9 +53,9 @@ def report_table(report: PaperReport) -> Any:
         for check in report.checks:
             checks.add_row(
                 Text(check.name),
-                Text(f"{check.value:.1e} {check.unit}".rstrip()),
+                Text("–" if check.value is None else f"{check.value:.1e} {check.unit}".rstrip()),
                 Text(f"{check.tolerance:.0e}"),
-                Text("holds", "green") if check.passed else Text("FAILS", "bold red"),
+                Text(*STATES[check.state]),
             )
         parts.append(checks)
     parts.append(Text(summary(report)))
@@ -62,6 +65,4 @@ def report_table(report: PaperReport) -> Any:
 def summary(report: PaperReport) -> str:
     """One line with the counts."""
     counted = ", ".join(f"{count} {status.value}" for status, count in report.counts().items() if count)
-    failed = sum(not check.passed for check in report.checks)
-    held = f"{len(report.checks) - failed} of {len(report.checks)} checks hold"
-    return f"{len(report.verdicts)} items: {counted or 'none'}; {held}"
+    return f"{len(report.verdicts)} items: {counted or 'none'}; checks: {report.held()}"

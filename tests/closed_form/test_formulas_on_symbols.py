@@ -31,6 +31,7 @@ NOT_A_FORMULA_OF_A_LEG = {
     "from_urdf",
     "composite_parameters",  # through the formulas that use them
     "base_parameters",
+    "with_every_number",
 }
 FORMULAS = sorted(
     name

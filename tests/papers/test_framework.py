@@ -11,7 +11,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from leg_dynamics.errors import OutputError, UnsupportedError
+from leg_dynamics.errors import OutputError, ParameterError, UnsupportedError
 from leg_dynamics.papers import find, names
 from leg_dynamics.papers.framework import (
     Check,
@@ -123,6 +123,33 @@ def test_check_holds_up_to_its_tolerance(value, passed):
     assert _report(checks=(check,)).passed is passed
 
 
+def test_a_check_that_was_not_run_neither_holds_nor_fails():
+    left_out, holds, fails = Check("a", None, 1e-9), Check("b", 0.0, 1e-9), Check("c", 1.0, 1e-9)
+    assert left_out.passed is None
+    assert (left_out.to_dict()["value"], left_out.to_dict()["state"]) == (None, "not run")
+    assert _report(checks=(left_out, holds)).passed
+    assert not _report(checks=(left_out, holds, fails)).passed
+    assert _report(checks=(left_out, holds, holds, left_out)).held() == "2 of 2 hold, 2 not run"
+    report = _report(checks=(left_out, holds))
+    assert summary(report).endswith("checks: 1 of 1 hold, 1 not run")
+    text = render_page(report, {plot.name: plot.svg() for plot in report.plots})
+    assert '<td data-label="error">–</td>' in text
+    assert "<td>not run</td>" in text
+    assert "not counted above: 1 of 1 hold, 1 not run." in text
+
+
+@pytest.mark.parametrize("samples", [0, -1, 1.5, "5", True, None])
+def test_context_refuses_a_number_of_samples_that_is_none(samples):
+    with pytest.raises(ParameterError, match="samples must be a whole number, at least 1"):
+        Context("omnileg", samples=samples)
+
+
+@pytest.mark.parametrize("seed", [-1, "a", 0.5])
+def test_context_refuses_a_seed_that_is_none(seed):
+    with pytest.raises(ParameterError, match="seed must be a whole number, at least 0"):
+        Context("omnileg", seed=seed)
+
+
 def test_report_counts_and_finds_verdicts():
     report = _report()
     assert [*report.counts().values()] == [1, 1, 1, 1]
@@ -171,7 +198,7 @@ def test_terminal_table_shows_each_finding_and_a_failing_check():
     console = Console(width=160, record=True, file=io.StringIO())
     console.print(_report(checks=(Check("closes", 1.0, 1e-9, "m"), Check("repeats", 0.0, 1e-9))))
     text = console.export_text()
-    for part in ("(9)", "corrected", "Differs by 0.1 m", "FAILS", "holds", "1 of 2 checks hold", "out of reach here"):
+    for part in ("(9)", "corrected", "Differs by 0.1 m", "FAILS", "holds", "checks: 1 of 2 hold", "out of reach here"):
         assert part in text
 
 
@@ -228,11 +255,41 @@ def test_write_makes_the_folder_and_repeats_itself(tmp_path):
 
 def test_write_refuses_a_file_as_folder(tmp_path):
     (tmp_path / "taken").write_text("")
-    with pytest.raises(OutputError, match="taken"):
+    with pytest.raises(OutputError, match=r"taken is a file where a folder is needed; move it away"):
         _report().write(tmp_path / "taken")
-    (tmp_path / "index.html").mkdir()
-    with pytest.raises(OutputError, match=r"index\.html cannot be written"):
+
+
+@pytest.mark.parametrize("culprit", ["index.html", "report.json", "plots/second.png"])
+def test_a_folder_in_the_way_is_found_before_anything_is_written(tmp_path, culprit):
+    (tmp_path / culprit).mkdir(parents=True)
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(OutputError, match=rf"{culprit} is a folder where a file is to be written; move it away, or"):
         _report().write(tmp_path)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("dangling", [False, True])
+def test_what_is_in_the_way_of_the_plots_is_named(tmp_path, dangling):
+    if dangling:
+        (tmp_path / "plots").symlink_to(tmp_path / "nowhere")
+    else:
+        (tmp_path / "plots").write_text("")
+    what = "a link that leads nowhere" if dangling else "a file"
+    with pytest.raises(OutputError, match=rf"plots is {what} where a folder is needed; move it away") as caught:
+        _report().write(tmp_path)
+    assert caught.value.path == str(tmp_path / "plots")
+    assert not (tmp_path / "index.html").exists()
+
+
+def test_tables_can_be_stacked_and_nothing_is_kept_on_one_line():
+    report = _report()
+    text = render_page(report, {plot.name: plot.svg() for plot in report.plots})
+    assert "nowrap" not in text
+    assert '<td data-label="a">1</td><td data-label="b">&lt;2&gt;</td>' in text
+    narrow = text[text.index("@media (max-width: 44rem)") :]
+    assert "attr(data-label)" in narrow
+    assert re.search(r"figure img \{ width: \d+rem; max-width: none; \}", narrow)
+    assert '<div class="scroll" tabindex="0"><img' in text
 
 
 def test_reproduce_gathers_modules_in_order_and_tells_progress():

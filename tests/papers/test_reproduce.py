@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from leg_dynamics import cli, papers
+from leg_dynamics.errors import ParameterError
 from leg_dynamics.papers import omnileg
 from leg_dynamics.papers.framework import Check, Context, PaperReport, Plot, Status, Verdict, reproduce
 from leg_dynamics.papers.omnileg import scenarios
@@ -107,6 +108,14 @@ def test_two_runs_give_the_same_numbers():
     assert first == second
 
 
+@pytest.mark.parametrize(
+    "options", [{"samples": 0}, {"samples": -1}, {"samples": 1.5}, {"samples": 1}, {"seed": -1}, {"seed": "a"}]
+)
+def test_unusable_options_are_named_errors(options):
+    with pytest.raises(ParameterError, match=f"{next(iter(options))} must be a whole number, at least"):
+        omnileg.reproduce(**options)
+
+
 @pytest.mark.slow
 def test_the_whole_paper(tmp_path):
     told = []
@@ -116,6 +125,8 @@ def test_the_whole_paper(tmp_path):
     assert [item for item in items if item.startswith("(")] == [f"({n})" for n in range(1, 54)]
     assert {"Table 1", "Table 2"} | {f"Fig. {n}" for n in range(1, 20)} <= set(items)
     assert any(verdict.kind == "claim" for verdict in report.verdicts)
+    # This project's own checks are no items of the paper.
+    assert not any("multibody" in item for item in items)
     equations = [verdict for verdict in report.verdicts if verdict.kind == "equation"]
     assert all(verdict.figures for verdict in equations)
     corrected = {verdict.item for verdict in equations if verdict.status is Status.CORRECTED}

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from leg_dynamics.papers.framework import Context, PaperReport, Progress
+from leg_dynamics.papers.framework import Context, PaperReport, Progress, whole
 from leg_dynamics.papers.framework import reproduce as _reproduce
 
-__all__ = ["PAPER", "reproduce"]
+__all__ = ["LEAST_SAMPLES", "PAPER", "reproduce"]
+
+LEAST_SAMPLES = 50
+"""With fewer random states some verdicts would have too few bent legs to compare."""
 
 PAPER = (
     "Xu Y., Lu Z., Zhu Y., Luo Z. (2025). Kinematics and Dynamics Modeling and Experiments of OmniLegs. "
@@ -23,17 +26,31 @@ def reproduce(progress: Progress | None = None, *, seed: int = 0, samples: int =
     seed : int
         Of the random states.
     samples : int
-        Random states inside the joint limits.
+        Random states inside the joint limits, at least `LEAST_SAMPLES`.
 
     Returns
     -------
     PaperReport
+
+    Raises
+    ------
+    ParameterError
+        The seed or the number of samples is not usable.
     """
-    from leg_dynamics.papers.omnileg import claims, equations, multibody, scenarios, transmission
+    samples = whole("samples", samples, LEAST_SAMPLES)
+    from leg_dynamics.papers.omnileg import (
+        claims,
+        equations,
+        mobility,
+        multibody,
+        percentages,
+        scenarios,
+        transmission,
+    )
 
     return _reproduce(
         Context("omnileg", seed=seed, samples=samples),
-        (equations, scenarios, claims, multibody, transmission),
+        (equations, scenarios, claims, mobility, transmission, percentages, multibody),
         paper=PAPER,
         title="The OmniLeg of Xu et al. 2025, reproduced",
         progress=progress,

@@ -1,51 +1,42 @@
-"""Claims of Xu et al. 2025 in words and in percentages, each judged by numbers."""
+"""Claims of Xu et al. 2025 in words, each judged by numbers; percentages, mobility and the shaft have own rooms."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from leg_dynamics.description import coupling_equations
-from leg_dynamics.description.model import Description
 from leg_dynamics.papers.framework import Context, Figure, Status, Verdict
+from leg_dynamics.papers.judge import judge, text, worst
 from leg_dynamics.papers.omnileg import printed
-from leg_dynamics.papers.omnileg.equations import (
-    FORCE_TOLERANCE,
+from leg_dynamics.papers.omnileg.facts import (
     POSITION_TOLERANCE,
     RATE_TOLERANCE,
     Assembled,
-    array,
     assembled,
+    body_of,
+    com,
     formula,
-    judge,
-    lagrange_torque,
-    mass_matrix_of,
     motions,
     omega_of,
     states,
-    text,
-    worst,
 )
-from leg_dynamics.papers.omnileg.scenarios import REPORTED
+from leg_dynamics.papers.omnileg.reported import MOTOR_COLUMNS, MOTORS, REPORTED
+from leg_dynamics.papers.omnileg.scenarios import inferred_load
 
-__all__ = ["VERDICTS", "GroupMobility", "group_mobility", "joint_twists", "loop_matrix"]
+__all__ = ["VERDICTS", "box", "claim"]
 
 Array = np.ndarray
-
-RANK_SHARE = 1e-9
-"""Singular values below this share of the largest one count as zero; the gap there spans more than ten decades."""
-
-LEAST_SHARE = 0.01
-"""A neglect is called small while it stays below this share of what it is neglected beside."""
 
 ROOM = 1e-9
 """rad; how far beyond a limit still counts as at it."""
 
+IDLE = 1e-3
+"""N·m; the paper draws torques to some N·m, where this is no thicker than a line."""
 
-def _claim(
+
+def claim(
     item: str,
     title: str,
     status: Status,
@@ -53,10 +44,12 @@ def _claim(
     figures: Iterable[Figure] = (),
     forms: tuple[str, str] = ("", ""),
 ) -> Verdict:
+    """A verdict on a claim."""
     return Verdict(f"claim: {item}", "claim", title, status, finding, tuple(figures), *forms)
 
 
-def _of(context: Context, what: str = "") -> str:
+def box(context: Context, what: str = "") -> str:
+    """Over which states a number was taken."""
     return f"{what + ', ' if what else ''}{len(states(context))} states of the box of joint limits"
 
 
@@ -88,7 +81,9 @@ def _leaving(context: Context, p: Array, lower: Array, upper: Array, step: int =
 def symmetry(context: Context) -> Verdict:
     """Symmetry of the foot's workspace."""
     lower, upper = context.limits
-    p = context.leg.foot_position(context.q[:500])
+    # States of its own: a handful of them would miss the corners, and with them the lack of symmetry.
+    p = context.leg.foot_position(lower + context.rng(300).random((500, 3)) * (upper - lower))
+    of = f"share of {len(p)} foot positions"
     leaving = _leaving(context, p, lower, upper)
     exact = [turn for turn, share in leaving.items() if share == 0.0]
     square = max(leaving[angle, mirrored] for mirrored in (False, True) for angle in (0, 90, 180, 270))
@@ -112,10 +107,11 @@ def symmetry(context: Context) -> Verdict:
     swapped = context.leg.mass_matrix(context.q[:100][:, [1, 0, 2]])
     dynamic = worst((mass[:, 0, 0] - swapped[:, 1, 1]) / mass[:, 0, 0])
     every = max(leaving.values())
-    return _claim(
+    return claim(
         "complete symmetry of the foot's workspace",
         "Fig. 3: the region of motion of the foot is completely symmetric",
-        judge(every, square, 0.0),
+        # The defect is the word "completely": the turns and reflections of a square, and any turn inside a cone, hold.
+        judge(every, 0.0, corrected=square, explained=[square, len(exact) - 8, 1.0 - cone]),
         f"Of {len(leaving)} rotations and reflections about Z, {len(exact)} map the workspace onto itself: the turns "
         f"by "
         f"{', '.join(f'{a}°' for a in rotations)} and {len(exact) - len(rotations)} reflections (a square's symmetry). "
@@ -130,8 +126,8 @@ def symmetry(context: Context) -> Verdict:
                 "",
                 f"of {len(leaving)} rotations and reflections every 15 deg",
             ),
-            Figure("outside after 45 deg", at_45, "", "share of 500 foot positions inside the limits"),
-            Figure("outside, worst", every, "", "share of 500 foot positions, over those rotations and reflections"),
+            Figure("outside after 45 deg", at_45, "", f"{of} inside the limits"),
+            Figure("outside, worst", every, "", f"{of}, over those rotations and reflections"),
             Figure("rim of the cone reached", cone, "", "72 directions at the limit of tilt"),
             Figure("symmetries with unsigned ranges", len(printed_exact), "", "α, β in 0 to 65 deg"),
             Figure(
@@ -161,17 +157,17 @@ def motors_in_the_hip(context: Context) -> Verdict:
     knee = facts.velocity("knee")
     added = hub * np.einsum("nij,nij->nj", knee, knee)
     gain = float((added[:, 0] / context.leg.mass_matrix(facts.q)[:, 0, 0]).max())
-    return _claim(
+    return claim(
         "motors fixed in the hip",
         "Fig. 3: all motors are fixed to the hip plate, which lowers the inertia",
-        judge(moving, moving, RATE_TOLERANCE),
+        judge(moving, RATE_TOLERANCE),
         f"The {len(motors)} motors have no velocity for any unit rate (to {text(moving)}). At the knee, their assumed "
         f"{hub:g} kg beside {total:.3g} kg of "
         f"moving parts would raise the inertia at α by up to {100.0 * gain:.0f} %.",
         [
-            Figure("velocity of the motors", moving, "m/rad or 1", _of(context, "for unit rates")),
+            Figure("velocity of the motors", moving, "m/rad or 1", box(context, "for unit rates")),
             Figure("motors", len(motors), "", "the file"),
-            Figure("inertia added by motors at the knee", gain, "", _of(context, "share of M_αα, assumed masses")),
+            Figure("inertia added by motors at the knee", gain, "", box(context, "share of M_αα, assumed masses")),
         ],
     )
 
@@ -182,20 +178,20 @@ def no_rotation(context: Context) -> Verdict:
     tilt = {link: worst(facts.rotation(link) - np.eye(3)) for link in ("knee", "foot")}
     spin = {link: worst(facts.omega(link)) for link in ("knee", "foot")}
     error = max(*tilt.values(), *spin.values())
-    return _claim(
+    return claim(
         "the foot does not rotate",
         "Fig. 3: no rotation of the foot accompanies its motion; nor of the knee",
-        judge(error, error, RATE_TOLERANCE),
+        judge(error, RATE_TOLERANCE),
         f"Assembled from its hinges alone, the mechanism keeps the foot's axes within {text(tilt['foot'])} of the "
         f"hip's and its angular velocity below "
         f"{text(spin['foot'])} for unit rates; the knee likewise ({text(tilt['knee'])}, {text(spin['knee'])}).",
         [
             *(
-                Figure(f"rotation of the {link}", tilt[link], "", _of(context, "largest entry of R − I"))
+                Figure(f"rotation of the {link}", tilt[link], "", box(context, "largest entry of R − I"))
                 for link in tilt
             ),
             *(
-                Figure(f"angular velocity of the {link}", spin[link], "", _of(context, "for unit rates"))
+                Figure(f"angular velocity of the {link}", spin[link], "", box(context, "for unit rates"))
                 for link in spin
             ),
         ],
@@ -221,16 +217,21 @@ def bearing_and_driving(context: Context) -> Verdict:
         gap[4, k] = min(
             gap[4, k], float(np.linalg.norm(np.cross(corner.position(f"cross_A{k}") - a, along), axis=-1).min())
         )
-    least = min(gap.values())
-    thickest = 0.5 * least
-    return _claim(
+    radius = {name: float(context.leg.parameters[f"{name}_radius"].value) for name in ("rod_outer", "cardan_shaft")}
+    radii = dict.fromkeys((1, 2, 3), radius["rod_outer"]) | {4: radius["cardan_shaft"]}
+    clear = {(i, j): distance - radii[i] - radii[j] for (i, j), distance in gap.items()}
+    least, free = min(gap.values()), min(clear.values())
+    return claim(
         "the thigh carries and drives",
         "Fig. 3: the thigh bears the load and houses the drive of the shank",
-        Status.CONFIRMED if least > 0.0 else Status.NOT_REPRODUCIBLE,
-        f"Rods and Cardan shaft stay parallel inside the thigh; their axes come no closer than {1e3 * least:.1f} mm, "
-        f"which leaves room for radii of "
-        f"{1e3 * thickest:.1f} mm each.",
-        [Figure("least distance of two axes", least, "m", _of(context, "rods and Cardan shaft"))],
+        judge(min(free, 0.0), 0.0),
+        f"Rods and Cardan shaft stay parallel inside the thigh; their axes come no closer than {1e3 * least:.1f} mm. "
+        f"With the file's radii, {1e3 * radii[1]:g} mm for a rod and {1e3 * radii[4]:g} mm for the shaft (assumed), "
+        f"at least {1e3 * free:.1f} mm stay free between them.",
+        [
+            Figure("least distance of two axes", least, "m", box(context, "rods and Cardan shaft")),
+            Figure("least gap between two of them", free, "m", box(context, "with the file's radii, assumed")),
+        ],
     )
 
 
@@ -245,27 +246,29 @@ def two_ways_to_lift(context: Context) -> Verdict:
     tilt = np.linspace(0.0, upper[0], 50)
     thigh = context.leg.foot_position(np.column_stack([tilt, 0.0 * tilt, np.full_like(tilt, 0.7)]))
     by_thigh, aside = float(np.ptp(thigh[:, 2])), float(np.ptp(thigh[:, 1]))
-    # Both together: the lift of (53), while the foot goes forward.
-    t = np.linspace(0.0, 1.0, 51)
-    d = printed.path_53(t, **printed.GAIT)
-    p = np.column_stack([d[:, 0], d[:, 1] - 0.05, 0.42 - d[:, 2]])
-    q = context.leg.inverse_kinematics(p)
-    moved = np.degrees(np.ptp(q, axis=0))
-    both = bool(by_shank >= height and moved[0] > 1.0 and moved[2] > 1.0)
-    return _claim(
+    # Both together: the first half of the printed step, where the foot is lifted. A lift is less z: z points down.
+    path = printed.path_53(np.linspace(0.0, 0.5, 26) * printed.GAIT["T"], **printed.GAIT)
+    p = np.column_stack([path[:, 0], path[:, 1], 0.42 - path[:, 2]])
+    facts = Assembled(context.pinocchio, context.leg.inverse_kinematics(p))
+    knee, foot = facts.position("knee")[:, 2], facts.position("foot")[:, 2]
+    from_thigh, whole = float(knee[0] - knee[-1]), float(foot[0] - foot[-1])
+    from_shank = whole - from_thigh
+    shares = [from_thigh, from_shank, by_shank - height]
+    return claim(
         "two ways to lift the foot",
         "Fig. 3: the foot is lifted by thigh and shank together, or by the shank alone",
-        Status.CONFIRMED if both else Status.NOT_REPRODUCIBLE,
-        f"The shank alone lifts it by up to {1e3 * by_shank:.0f} mm straight up (sideways {text(straight_up)} m). The "
-        f"thigh alone lifts it by "
-        f"{1e3 * by_thigh:.0f} mm but {1e3 * aside:.0f} mm aside; the step (53) of {1e3 * height:.0f} mm uses both "
-        f"({moved[0]:.0f}° of α, {moved[2]:.0f}° of γ).",
+        # Sideways motion, the height reached, and whether each part lifts at all.
+        judge([straight_up, whole - height, *(min(share, 0.0) for share in shares)], POSITION_TOLERANCE),
+        f"The shank alone lifts it by up to {1e3 * by_shank:.0f} mm straight up (sideways {text(straight_up)} m). In "
+        f"the step (53) from Y = 0, z0 = 0.42 m, the lift of {1e3 * whole:.1f} mm is {1e3 * from_thigh:.1f} mm of the "
+        f"knee, so of the thigh, and {1e3 * from_shank:.1f} mm of the shank. The thigh alone lifts it by up to "
+        f"{1e3 * by_thigh:.0f} mm, but {1e3 * aside:.0f} mm aside.",
         [
             Figure("lift by the shank", by_shank, "m", "γ over its range, thigh vertical"),
             Figure("sideways motion meanwhile", straight_up, "m", "γ over its range"),
             Figure("lift by the thigh", by_thigh, "m", "α from 0 to its limit"),
-            Figure("turn of α in a step", moved[0], "deg", "(53) with z0 = 0.42 m, centred"),
-            Figure("turn of γ in a step", moved[2], "deg", "(53) with z0 = 0.42 m, centred"),
+            Figure("lift of a step by the thigh", from_thigh, "m", "height of the knee, (53) from Y = 0, z0 = 0.42 m"),
+            Figure("lift of a step by the shank", from_shank, "m", "foot relative to the knee, the same step"),
         ],
     )
 
@@ -283,10 +286,10 @@ def omnidirectional(context: Context) -> Verdict:
     round_about = worst(np.angle(np.exp(1j * (np.arctan2(foot[:, 1], foot[:, 0]) - azimuth))))
     still = worst(facts.rotation("foot") - np.eye(3))
     error = max(ring, round_about, still)
-    return _claim(
+    return claim(
         "turning about X0 and Y0 replaces turning about Z0",
         "The thigh's two fixed axes point the leg in every direction",
-        judge(error, error, POSITION_TOLERANCE),
+        judge(error, POSITION_TOLERANCE),
         f"With tan α = −tan δ sin ψ and tan β = tan δ cos ψ the foot goes round a circle (δ = 40°, radius to "
         f"{text(ring)} m, direction to "
         f"{text(round_about)} rad) without turning ({text(still)}).",
@@ -306,244 +309,17 @@ def independent_motions(context: Context) -> Verdict:
     sideways = worst(facts.velocity("foot")[:, :2, 2])
     M = context.leg.mass_matrix(facts.q)
     coupled = float(np.abs(M[:, :2, 2] / np.sqrt(M[:, [0, 1], [0, 1]] * M[:, 2:, 2])).max())
-    return _claim(
+    return claim(
         "thigh and shank move independently",
         "The kinematics of thigh and shank can be modelled one by one",
-        judge(max(mixed, sideways), max(mixed, sideways), RATE_TOLERANCE),
+        judge(max(mixed, sideways), RATE_TOLERANCE),
         f"γ does not move the knee, and α, β do not change the shank (to {text(max(mixed, sideways))} m/rad). The "
         f"dynamics are coupled: "
         f"|M_iγ|/√(M_ii M_γγ) reaches {coupled:.2f}.",
         [
-            Figure("coupling of the velocities", max(mixed, sideways), "m/rad", _of(context, "for unit rates")),
-            Figure("coupling of the inertia", coupled, "", _of(context, "assumed masses")),
+            Figure("coupling of the velocities", max(mixed, sideways), "m/rad", box(context, "for unit rates")),
+            Figure("coupling of the inertia", coupled, "", box(context, "assumed masses")),
         ],
-    )
-
-
-# ---------------------------------------------------------------------- closure and mobility
-
-
-def _path(description: Description, link: str) -> list[str]:
-    return [joint.name for joint in description.path(link) if joint.is_single_coordinate]
-
-
-def joint_twists(facts: Assembled) -> dict[str, Array]:
-    """Unit twist (axis; point x axis) of every joint, tree and cut, in the hip frame, (N, 6); lengths in 0.1 m."""
-    description = facts.leg.description
-    ends: dict[str, tuple[str, Array, Any]] = {
-        joint.name: (joint.child, np.eye(4), joint.axis) for joint in description.joints if joint.is_single_coordinate
-    }
-    for loop in description.loops:
-        ends[loop.name] = (loop.predecessor.link, loop.predecessor.origin.matrix(), loop.axis)
-    twists = {}
-    for name, (link, origin, direction) in ends.items():
-        pose = np.broadcast_to(facts.links[link], (len(facts.q), 4, 4)) @ origin
-        axis = pose[:, :3, :3] @ np.asarray(direction)
-        twists[name] = np.concatenate([axis, np.cross(pose[:, :3, 3] / 0.1, axis)], axis=-1)
-    return twists
-
-
-def loop_matrix(
-    description: Description, loops: tuple[str, ...], twists: dict[str, Array]
-) -> tuple[Array, tuple[str, ...]]:
-    """Velocity constraints of closed loops with no joint cut.
-
-    Around a loop the twists of all its joints add up to zero: six rows a loop, one column a joint, the cut joint among
-    them. Gear pairs are one row each and bring no joint.
-
-    Parameters
-    ----------
-    description : Description
-    loops : tuple of str
-        Names of loops and couplings.
-    twists : dict
-        From `joint_twists`.
-
-    Returns
-    -------
-    (N, rows, joints) array, tuple of str
-        The matrix and the joints behind its columns.
-    """
-    found = {loop.name: loop for loop in description.loops}
-    gears = {equation.name: equation for equation in coupling_equations(description)}
-    around: dict[str, dict[str, float]] = {}
-    for name in loops:
-        if name in gears:
-            around[name] = dict(gears[name].coefficients)
-            continue
-        first, second = (
-            _path(description, link) for link in (found[name].predecessor.link, found[name].successor.link)
-        )
-        signs = {joint: 1.0 for joint in first if joint not in second}
-        signs |= {joint: -1.0 for joint in second if joint not in first}
-        around[name] = signs | {name: 1.0}
-    members = tuple(dict.fromkeys(joint for signs in around.values() for joint in signs))
-    count = len(next(iter(twists.values())))
-    rows = []
-    for name, signs in around.items():
-        block = np.zeros((count, 1 if name in gears else 6, len(members)))
-        for joint, sign in signs.items():
-            block[..., members.index(joint)] = sign if name in gears else sign * twists[joint]
-        rows.append(block)
-    return np.concatenate(rows, axis=1), members
-
-
-@dataclass(frozen=True)
-class GroupMobility:
-    """Rows, joints and ranks of some loops.
-
-    Attributes
-    ----------
-    rows, joints : int
-    rank : int
-        The same at every generic state asked for.
-    rank_straight : int
-        At states with gamma = 0.
-    gap : float
-        Smallest counted over largest uncounted singular value, the worst of all states.
-    """
-
-    rows: int
-    joints: int
-    rank: int
-    rank_straight: int
-    gap: float
-
-    @property
-    def gruebler(self) -> int:
-        """Joints minus rows."""
-        return self.joints - self.rows
-
-    @property
-    def mobility(self) -> int:
-        """Joints minus rank."""
-        return self.joints - self.rank
-
-    @property
-    def redundant(self) -> int:
-        """Rows that follow from the others."""
-        return self.rows - self.rank
-
-
-THIGH = ("loop_B2", "loop_B3")
-SHAFT = ("loop_B4",)
-SHANK = ("loop_E2", "loop_E3")
-GEARS = ("bevel_1", "bevel_2", "bevel_3")
-
-
-STRAIGHT = 20
-"""States with gamma = 0."""
-
-
-def _ranks(K: Array) -> tuple[int, float]:
-    """Largest rank over states, NaN-safe, and the worst gap at it."""
-    sigma = np.linalg.svd(K, compute_uv=False)
-    counted = (sigma > RANK_SHARE * sigma[:, :1]).sum(axis=1)
-    rank = int(counted.max())
-    if (counted != rank).any():
-        return rank, 0.0
-    below = sigma[:, rank].max() if rank < sigma.shape[1] else 0.0
-    return rank, float(sigma[:, rank - 1].min() / max(below, np.finfo(float).tiny))
-
-
-def group_mobility(context: Context, loops: tuple[str, ...]) -> GroupMobility:
-    """Mobility of a group of loops at bent and at straight states."""
-
-    def twists() -> tuple[dict[str, Array], dict[str, Array]]:
-        every = assembled(context)
-        bent = every.q[:, 2] > np.radians(2.0)
-        at_zero = Assembled(context.pinocchio, every.q[bent][:STRAIGHT] * np.array([1.0, 1.0, 0.0]))
-        return {name: twist[bent] for name, twist in joint_twists(every).items()}, joint_twists(at_zero)
-
-    def compute() -> GroupMobility:
-        bent, straight = context.once("claims: twists", twists)
-        description = context.leg.description
-        K, members = loop_matrix(description, loops, bent)
-        rank, gap = _ranks(K)
-        at_zero, _ = _ranks(loop_matrix(description, loops, straight)[0])
-        return GroupMobility(K.shape[1], len(members), rank, at_zero, gap)
-
-    return context.once(f"mobility of {', '.join(loops)}", compute)
-
-
-def _mobility(context: Context, item: str, title: str, loops: tuple[str, ...], stated: int, note: str = "") -> Verdict:
-    group = group_mobility(context, loops)
-    of = _of(context, "bent")
-    agrees = float(group.mobility - stated)
-    return _claim(
-        item,
-        title,
-        judge(agrees, agrees, 0.0),
-        f"{group.joints} joints and {group.rows} loop rows of rank {group.rank}: {group.redundant} redundant, mobility "
-        f"{group.mobility} where Grübler's "
-        f"count gives {group.gruebler}. {note}".strip(),
-        [
-            Figure("joints", group.joints, "", "no joint cut"),
-            Figure("loop rows", group.rows, "", "six a loop, one a gear pair"),
-            Figure("rank", group.rank, "", of),
-            Figure("redundant rows", group.redundant, "", of),
-            Figure("Grübler's count", group.gruebler, "", "joints minus rows"),
-            Figure("mobility", group.mobility, "", of),
-            Figure("mobility at γ = 0", group.joints - group.rank_straight, "", f"{STRAIGHT} states"),
-            Figure("rank gap", group.gap, "", "smallest counted over largest uncounted singular value"),
-        ],
-    )
-
-
-def mobility_thigh(context: Context) -> Verdict:
-    """Two degrees of freedom of the thigh."""
-    return _mobility(
-        context,
-        "two degrees of freedom of the thigh",
-        "Three parallel U-rod-U chains form a thigh of two degrees of freedom",
-        THIGH,
-        2,
-    )
-
-
-def mobility_shaft(context: Context) -> Verdict:
-    """The Cardan shaft adds one."""
-    thigh, both = group_mobility(context, THIGH), group_mobility(context, THIGH + SHAFT)
-    return _mobility(
-        context,
-        "the Cardan shaft passes one motion through the thigh",
-        "Thigh with the Cardan shaft",
-        THIGH + SHAFT,
-        3,
-        f"The shaft brings {both.rows - thigh.rows} rows of rank {both.rank - thigh.rank}; the redundant one is axial, "
-        f"a spline would free it.",
-    )
-
-
-def mobility_shank(context: Context) -> Verdict:
-    """One degree of freedom of the shank."""
-    shank = group_mobility(context, SHANK)
-    return _mobility(
-        context,
-        "one degree of freedom of the shank",
-        "Three C-D-E chains form a shank of one degree of freedom",
-        SHANK,
-        1,
-        f"At γ = 0 the rank falls to {shank.rank_straight}, and each chain may fold either way: only the gears settle "
-        f"it.",
-    )
-
-
-def mobility_leg(context: Context) -> Verdict:
-    """Three degrees of freedom of the leg."""
-    whole = group_mobility(context, THIGH + SHAFT + SHANK + GEARS)
-    free = group_mobility(context, THIGH + SHAFT + SHANK)
-    report = context.pinocchio.mobility_report(samples=20, seed=context.seed)
-    return _mobility(
-        context,
-        "three degrees of freedom of the leg",
-        "The whole leg with its bevel gears has three degrees of freedom",
-        THIGH + SHAFT + SHANK + GEARS,
-        3,
-        f"The numeric route finds the same mobility {report.mobility} and {report.redundant} redundant rows in its cut "
-        f"tree. Without the gears the "
-        f"mobility is {free.mobility}, and {free.joints - free.rank_straight} at γ = 0; with them it stays "
-        f"{whole.joints - whole.rank_straight}.",
     )
 
 
@@ -576,17 +352,17 @@ def cardan_output(context: Context) -> Verdict:
     angle = worst(facts.angle("gamma_output") - facts.q[:, 2])
     gears = [worst(np.linalg.norm(facts.omega(f"driven_gear_{i}")[..., 2], axis=-1) - 1.0) for i in (1, 2, 3)]
     error = max(speed, *gears)
-    return _claim(
+    return claim(
         "output shaft and gears turn as fast as the input",
         "Input shaft, output shaft and bevel gears have the same speed",
-        judge(error, error, RATE_TOLERANCE),
+        judge(error, RATE_TOLERANCE),
         f"With parallel plates and yokes in phase the output equals the input at every α and β, moving or not (angle "
         f"to {text(angle)} rad, rates to "
         f"{text(speed)}); the driven gears have its speed (to {text(max(gears))}). γ at the gears carries no error.",
         [
-            Figure("output angle minus input angle", angle, "rad", _of(context)),
-            Figure("output rate minus input rate", speed, "", _of(context, "for unit rates")),
-            Figure("speed of the driven gears minus 1", max(gears), "", _of(context, "for a unit γ̇")),
+            Figure("output angle minus input angle", angle, "rad", box(context)),
+            Figure("output rate minus input rate", speed, "", box(context, "for unit rates")),
+            Figure("speed of the driven gears minus 1", max(gears), "", box(context, "for a unit γ̇")),
         ],
     )
 
@@ -597,14 +373,20 @@ def gears_same_vector(context: Context) -> Verdict:
     vector = worst(facts.omega("driven_gear_2") - facts.omega("input_shaft"))
     psi = float(context.numbers.psi[1])
     right = worst(facts.omega("driven_gear_2")[..., 2] - np.array([np.cos(psi), np.sin(psi), 0.0]))
-    return _claim(
+    return claim(
         "the bevel gears have the angular velocity of the input",
         "Below (25): input, output and all bevel gears share one angular velocity",
-        judge(vector, right, RATE_TOLERANCE),
+        judge(
+            vector,
+            RATE_TOLERANCE,
+            corrected=right,
+            # The defect: one speed, but about the gear's own axis instead of Z0.
+            explained=[right, worst(np.linalg.norm(facts.omega("driven_gear_2")[..., 2], axis=-1) - 1.0)],
+        ),
         f"As vectors they differ by up to {text(vector)} for a unit γ̇: the driven gears turn about X_Ci (off by "
         f"{text(right)}), only the speed is "
         "shared.",
-        [Figure("driven gear minus input shaft", vector, "", _of(context, "angular velocity for unit rates"))],
+        [Figure("driven gear minus input shaft", vector, "", box(context, "angular velocity for unit rates"))],
         ("ω of all four bevel gears = [0 0 γ̇]", "driver: [0 0 γ̇]; driven: γ̇ X_Ci"),
     )
 
@@ -626,143 +408,16 @@ def shaft_ripple(context: Context) -> Verdict:
             Figure("lead or lag", np.degrees(lead), "deg", at),
             Figure("greatest output/input with yokes 90 deg off", off, "", at),
         ]
-    return _claim(
+    return claim(
         "the shaft turns at a varying rate",
         "The shaft A4B4 does not turn as uniformly as the input shaft",
-        judge(error, error, 1e-3),
+        judge(error, 1e-3),
         f"Shaft over input by bend: {'; '.join(parts)}. The limits are cos θ and 1/cos θ (to {text(error)}).",
         figures,
     )
 
 
-# ---------------------------------------------------------------------- the simplification (26)-(31)
-
-
-def _simplified(context: Context, kind: str) -> Callable[[Array], Array]:
-    """Mass matrix with the shaft and its crosses moving as (26)-(31) say ("paper"), or not turning at all ("none")."""
-
-    def crosses(q: Array) -> tuple[Array, Array]:
-        omega = printed.omega_cross_A4(q) if kind == "paper" else printed.columns(q)
-        return printed.rot(printed.Y, q[..., 1]), omega
-
-    def shaft(q: Array) -> tuple[Array, Array]:
-        return printed.rod_rotation(q), printed.omega_shaft(q) if kind == "paper" else printed.columns(q)
-
-    replaced = {"cross_A4": crosses, "cross_B4": crosses, "shaft_A4B4": shaft}
-    return lambda q: mass_matrix_of(context, q, replaced=replaced)
-
-
-def _along_52(rate: float, duration: float = 2.0) -> tuple[Array, Array, Array]:
-    w = np.pi / 3.0
-    t = np.linspace(0.0, duration, 21)
-    q, amplitude = printed.motion_52(t), printed.motion_52(np.array(1.5))
-    return q, rate * w * amplitude * np.cos(w * t)[:, None], -((rate * w) ** 2) * q
-
-
-def _neglected(context: Context) -> dict[str, Array]:
-    """Largest torque differences along (52) on (alpha, beta, gamma), mN·m."""
-
-    def compute() -> dict[str, Array]:
-        found = {}
-        for rate in (1.0, 10.0):
-            motion = _along_52(rate)
-            exact = lagrange_torque(lambda q: mass_matrix_of(context, q), *motion)
-            for kind in ("paper", "none"):
-                other = lagrange_torque(_simplified(context, kind), *motion)
-                found[f"{kind} {rate:g}"] = 1e3 * np.abs(other - exact).max(axis=0)
-            found[f"inertial {rate:g}"] = 1e3 * np.abs(exact).max(axis=0)
-        q, v, a = _along_52(1.0)
-        found["whole"] = 1e3 * np.abs(context.leg.generalized_force(q, v, a)).max(axis=0)
-        route = context.leg.generalized_force(q, v, a, gravity=np.zeros(3))
-        found["route"] = 1e3 * np.abs(route - lagrange_torque(lambda q: mass_matrix_of(context, q), q, v, a)).max(
-            axis=0
-        )
-        return found
-
-    return context.once("claims: neglected", compute)
-
-
-def simplification_kinematic(context: Context) -> Verdict:
-    """Small or not, in velocities."""
-    facts = assembled(context)
-    share = {}
-    for link, wrong in (
-        ("cross_A4", printed.omega_cross_A4),
-        ("cross_B4", printed.omega_cross_B4),
-        ("shaft_A4B4", printed.omega_shaft),
-    ):
-        share[link] = worst(wrong(facts.q) - facts.omega(link))
-    small = max(share.values())
-    own = max(
-        worst(omega_of(motions(context, "transmission_motions", facts.q)[link], facts.q) - facts.omega(link))
-        for link in share
-    )
-    return _claim(
-        "neglecting the shaft's ripple is small, as motion",
-        "(26)-(31): neglecting ripple and coupling changes little, in angular velocity",
-        judge(small, own, LEAST_SHARE),
-        f"For unit rates the angular velocities are off by up to {share['cross_A4']:.2f} (crosses) and "
-        f"{share['shaft_A4B4']:.2f} (shaft): as large as the rates "
-        f"themselves. Exact ones cost nothing more (left: {text(own)}).",
-        [
-            Figure(f"{link}, (26)-(29) against the mechanism", value, "", _of(context, "for unit rates"))
-            for link, value in share.items()
-        ],
-    )
-
-
-def simplification_torque(context: Context) -> Verdict:
-    """Small or not, in torques."""
-    found = _neglected(context)
-    share = float((found["paper 1"] / found["whole"]).max())
-    checked = worst(found["route"]) * 1e-3
-    listed = {name: "/".join(text(x) for x in values) for name, values in found.items()}
-    return _claim(
-        "neglecting the shaft's ripple is small, as torque",
-        "(26)-(31): neglecting ripple and coupling changes little, in motor torque",
-        judge(share if checked < FORCE_TOLERANCE else 1.0, 0.0, LEAST_SHARE),
-        f"Along (52), 0 to 2 s, (26)-(31) change the torques on α/β/γ by {listed['paper 1']} mN·m, of "
-        f"{listed['whole']} mN·m (assumed masses); ten times as fast by "
-        f"{listed['paper 10']} mN·m. Leaving out the rotary inertia of shaft and crosses altogether changes "
-        f"{listed['none 1']} mN·m: the "
-        "fixed axis of (29) puts the shaft's transverse inertia into γ̇.",
-        [
-            *(
-                Figure(f"paper's simplification, {n}", found["paper 1"][i], "mN·m", "(52), 0 to 2 s, assumed masses")
-                for i, n in enumerate("αβγ")
-            ),
-            *(
-                Figure(f"ten times as fast, {n}", found["paper 10"][i], "mN·m", "(52), assumed masses")
-                for i, n in enumerate("αβγ")
-            ),
-            *(
-                Figure(f"no rotary inertia, {n}", found["none 1"][i], "mN·m", "(52), 0 to 2 s, assumed masses")
-                for i, n in enumerate("αβγ")
-            ),
-            Figure("share of the torque", share, "", "worst motor, (52), 0 to 2 s, assumed masses"),
-        ],
-    )
-
-
-def cause_of_5_2(context: Context) -> Verdict:
-    """Attribution of the error on M3."""
-    found = _neglected(context)
-    reported = float(REPORTED["Fig. 11", "M3"].error)
-    ours = float(found["paper 1"][2])
-    factor = reported / ours
-    explained = 1.0 / 3.0 <= factor <= 3.0
-    return _claim(
-        "5.2 mN·m on M3 come from the neglected ripple",
-        "Fig. 11: the errors are due to the neglected ripple and to the drives PL_i",
-        Status.CONFIRMED if explained else Status.NOT_REPRODUCIBLE,
-        f"The neglect of (26)-(31) gives {ours:.2g} mN·m on M3 with plausible masses, {factor:.0f} times less than the "
-        f"reported {reported:g} mN·m: shaft and crosses "
-        f"would have to be {factor:.0f} times heavier. PL_i, the other cause named, has no stated inertia.",
-        [
-            Figure("neglect on M3", ours, "mN·m", "(52), 0 to 2 s, assumed masses"),
-            Figure("reported over computed", factor, "", "M3"),
-        ],
-    )
+# ---------------------------------------------------------------------- bodies
 
 
 def light_parts(context: Context) -> Verdict:
@@ -770,7 +425,7 @@ def light_parts(context: Context) -> Verdict:
     masses = {body.name: float(body.mass) for body in context.numbers.bodies}
     light = sum(masses[name] for name in ("shaft_A4B4", "cross_A4", "cross_B4"))
     share = light / sum(masses.values())
-    return _claim(
+    return claim(
         "shaft and crosses are a small share of the mass",
         "The shaft A4B4 and its crosses weigh little beside the leg",
         Status.NOT_REPRODUCIBLE,
@@ -780,336 +435,161 @@ def light_parts(context: Context) -> Verdict:
     )
 
 
-# ---------------------------------------------------------------------- percentages
+def isotropy_of_the_ring(context: Context) -> Verdict:
+    """Three chains in a ring."""
+    facts = assembled(context)
+    knee = facts.position("knee")
+    axes = np.stack([facts.axis(f"gamma_C{i}")[:, :2] for i in (1, 2, 3)])
+    links = [f"link_{pair}" for i in (1, 2, 3) for pair in (f"C{i}D{i}", f"D{i}E{i}")]
+    masses = np.array([float(body_of(context, link).mass) for link in links])
+    centres = np.stack([(facts.position(link, com(context, link)) - knee)[:, :2] for link in links])
 
+    def uneven(tensors: Array) -> float:
+        """Largest difference of the two principal values, over their mean; zero where all directions are alike."""
+        values = np.linalg.eigvalsh(tensors)
+        return worst((values[:, 1] - values[:, 0]) / values.mean(axis=1))
 
-OTHER_AMPLITUDE = "45°"
-"""In the name of a full value that (52) has with this amplitude of gamma, and not with the printed one."""
-
-
-def _size(value: float) -> str:
-    """A full value for a sentence: three digits, without an exponent."""
-    return text(value) if value < 1000.0 else f"{float(text(value)):.0f}"
-
-
-def _percent(
-    place: str,
-    quantity: str,
-    candidates: dict[str, float],
-) -> tuple[tuple[float, float], dict[str, float], list[str]]:
-    """Range of the full value that an error and its share imply, the share by each candidate, and those that fit."""
-    reported = REPORTED[place, quantity]
-    reference = reported.reference
-    assert reference is not None
-    shares = {name: 100.0 * float(reported.error) / value for name, value in candidates.items()}
-    fitting = [name for name, value in candidates.items() if reference[0] <= value <= reference[1]]
-    return reference, shares, sorted(fitting, key=lambda name: OTHER_AMPLITUDE in name)
-
-
-def _share_verdict(
-    context: Context,
-    item: str,
-    title: str,
-    place: str,
-    quantity: str,
-    candidates: dict[str, float],
-    *,
-    corrected_by: str = "",
-    note: str = "",
-) -> Verdict:
-    """Verdict on a percentage, by whether any computed full value gives it.
-
-    Candidates come in the unit of the reported error. `corrected_by` names the one that the paper's other percentages
-    in the same place use; where it does not fit, it corrects the percentage.
-    """
-    reported = REPORTED[place, quantity]
-    (low, high), shares, fitting = _percent(place, quantity, candidates)
-    as_printed = [name for name in fitting if OTHER_AMPLITUDE not in name]
-    agrees = 0.0 if as_printed else 1.0
-    status = judge(agrees, 0.0 if corrected_by else 1.0, 0.5)
-    listed = ", ".join(
-        f"{name} {_size(value)} {reported.unit} ({shares[name]:.2g} %)" for name, value in candidates.items()
-    )
-    implied = f"{_size(low)} to {_size(high)} {reported.unit}"
-    opening = f"{reported.error} {reported.unit} at {reported.percent} % imply a full value of {implied}"
-    answer = f"{'' if as_printed else 'only '}the {fitting[0]} fits" if fitting else "nothing computed fits"
-    return _claim(
-        item,
-        title,
-        status,
-        f"{opening}: {answer}. Computed: {listed}. {note}".strip(),
+    hinges = uneven(np.einsum("kni,knj->nij", axes, axes))
+    pair = uneven(np.einsum("kni,knj->nij", axes[:2], axes[:2]))
+    mass = uneven(np.einsum("k,kni,knj->nij", masses, centres, centres))
+    middle = worst(np.einsum("k,kni->ni", masses, centres) / masses.sum())
+    return claim(
+        "a ring of three shank chains is alike in all directions",
+        "Section 1: with three chains in a ring the shank behaves alike in all directions",
+        judge([hinges, mass, middle], POSITION_TOLERANCE),
+        f"The hinge axes and the links' masses have equal second moments in every direction across Z (to "
+        f"{text(max(hinges, mass))} of the mean), and their centre stays on the axis (to {text(middle)} m), at every "
+        f"pose. Two of the three chains alone would have hinge moments that differ by {pair:.2g} of the mean.",
         [
-            Figure("least full value implied", low, reported.unit, "error and percentage as rounded"),
-            Figure("greatest full value implied", high, reported.unit, "error and percentage as rounded"),
-            *(
-                Figure(f"percentage by the {name}", shares[name], "%", f"{reported.error} {reported.unit}")
-                for name in candidates
-            ),
+            Figure("second moment of the hinge axes, unevenness", hinges, "", box(context)),
+            Figure("second moment of the links' masses, unevenness", mass, "", box(context)),
+            Figure("links' centre beside the axis", middle, "m", box(context)),
+            Figure("unevenness of two chains", pair, "", box(context, "hinge axes of chains 1 and 2")),
         ],
-        (
-            f"{reported.percent} %",
-            f"{shares[corrected_by]:.2g} % of the {corrected_by}" if status is Status.CORRECTED else "",
-        ),
     )
 
 
-def _path_51(context: Context) -> tuple[Array, Array, Array]:
-    """Displacement, velocity and acceleration along (51), 501 samples; any height."""
-
-    def compute() -> tuple[Array, Array, Array]:
-        from leg_dynamics.analysis.trajectories import omnileg_eq51_path
-
-        path, t = omnileg_eq51_path(0.0), np.linspace(0.0, 5.0, 501)
-        return path.value(t), path.value(t, 1), path.value(t, 2)
-
-    return context.once("claims: (51)", compute)
-
-
-def _path_52(context: Context, degrees: float) -> tuple[Array, Array, Array]:
-    """Foot position, velocity and acceleration along a period of (52)."""
-
-    def compute() -> tuple[Array, Array, Array]:
-        from leg_dynamics.analysis.trajectories import omnileg_eq52
-
-        m = omnileg_eq52(6.0, 100.0, gamma_amplitude=np.radians(degrees))
-        leg = context.leg
-        return leg.foot_position(m.q), leg.foot_velocity(m.q, m.v), leg.foot_acceleration(m.q, m.v, m.a)
-
-    return context.once(f"claims: (52) {degrees:g}", compute)
-
-
-def _peaks(values: Array, factor: float) -> dict[str, float]:
-    peak = factor * np.abs(values).max(axis=0)
-    return {
-        **{f"peak in {axis}": float(x) for axis, x in zip("XYZ", peak, strict=True)},
-        "peak of the norm": factor * float(np.linalg.norm(values, axis=1).max()),
-    }
-
-
-def _spans(values: Array, factor: float, note: str = "") -> dict[str, float]:
-    return {f"span in {axis}{note}": float(x) for axis, x in zip("XYZ", factor * np.ptp(values, axis=0), strict=True)}
-
-
-def percent_ik_position(context: Context) -> Verdict:
-    """42.5 µm, 0.04 %."""
-    return _share_verdict(
-        context,
-        "inverse kinematics simulation, position error",
-        "42.5 µm of the inverse kinematics' simulation as a share",
-        "Fig. 9",
-        "position",
-        _spans(_path_51(context)[0], 1e6),
+def centres_in_line(context: Context) -> Verdict:
+    """O0, O0', O0F at the start."""
+    facts = Assembled(context.pinocchio, np.zeros((1, 3)))
+    aside = [facts.position(link)[0, :2] for link in ("hip", "knee", "foot")]
+    return claim(
+        "O0, O0' and O0F are in line at the start",
+        "Section 2: in the initial state O0, O0′ and O0F lie on one line",
+        judge(aside, POSITION_TOLERANCE),
+        f"In the straight leg of the file hip, knee and foot lie on Z0 (to {text(worst(aside))} m).",
+        [Figure("distance from Z0", worst(aside), "m", "knee and foot, α = β = γ = 0")],
     )
 
 
-def percent_ik_velocity(context: Context) -> Verdict:
-    """74 µm/s, 0.09 %."""
-    return _share_verdict(
-        context,
-        "inverse kinematics simulation, velocity error",
-        "74 µm/s of the inverse kinematics' simulation as a share",
-        "Fig. 9",
-        "velocity",
-        _peaks(_path_51(context)[1], 1e6),
-    )
-
-
-def percent_ik_acceleration(context: Context) -> Verdict:
-    """1.5 mm/s², 1.8 %."""
-    return _share_verdict(
-        context,
-        "inverse kinematics simulation, acceleration error",
-        "1.5 mm/s² of the inverse kinematics' simulation as a share",
-        "Fig. 9",
-        "acceleration",
-        _peaks(_path_51(context)[2], 1e3),
-    )
-
-
-def _both(function: Callable[[float], dict[str, float]]) -> dict[str, float]:
-    """Candidates at the printed amplitude of 25 deg and at 45 deg."""
-    printed_ones = function(25.0)
-    return _changed(printed_ones | {f"{name} with {OTHER_AMPLITUDE}": value for name, value in function(45.0).items()})
-
-
-def _changed(candidates: dict[str, float]) -> dict[str, float]:
-    """Leave out what the other amplitude does not change by 1 %."""
-    suffix = f" with {OTHER_AMPLITUDE}"
-
-    def differs(name: str, value: float) -> bool:
-        return not name.endswith(suffix) or abs(value / candidates[name.removesuffix(suffix)] - 1.0) > 0.01
-
-    return {name: value for name, value in candidates.items() if differs(name, value)}
-
-
-def percent_fk_position(context: Context) -> Verdict:
-    """45 µm, 0.05 %."""
-    return _share_verdict(
-        context,
-        "forward kinematics simulation, position error",
-        "45 µm of the forward kinematics' simulation as a share",
-        "Fig. 10",
-        "position",
-        _both(lambda degrees: _spans(_path_52(context, degrees)[0], 1e6)),
-    )
-
-
-def percent_fk_velocity(context: Context) -> Verdict:
-    """63 µm/s, 0.08 %."""
-    return _share_verdict(
-        context,
-        "forward kinematics simulation, velocity error",
-        "63 µm/s of the forward kinematics' simulation as a share",
-        "Fig. 10",
-        "velocity",
-        _both(lambda degrees: _peaks(_path_52(context, degrees)[1], 1e6)),
-    )
-
-
-def percent_fk_acceleration(context: Context) -> Verdict:
-    """2.89 mm/s², 1.9 %."""
-    return _share_verdict(
-        context,
-        "forward kinematics simulation, acceleration error",
-        "2.89 mm/s² of the forward kinematics' simulation as a share",
-        "Fig. 10",
-        "acceleration",
-        _both(lambda degrees: _peaks(_path_52(context, degrees)[2], 1e3)),
-    )
-
-
-def _torque_peaks(context: Context, motor: int) -> dict[str, float]:
-    """Peak torques of one motor in Fig. 11, mN·m, with both signs of the force."""
-
-    def compute() -> dict[str, Array]:
-        from leg_dynamics.analysis.trajectories import omnileg_eq52
-
-        found = {}
-        for degrees, suffix in ((25.0, ""), (45.0, f" with {OTHER_AMPLITUDE}")):
-            m = omnileg_eq52(2.0, 100.0, gamma_amplitude=np.radians(degrees))
-            force = np.where(m.time[:, None] <= 1.0, printed.EXTERNAL_FORCE, 0.0)
-            for name, sign in (("peak with the force on the foot", 1.0), ("peak by the printed sign", -1.0)):
-                tau = context.leg.generalized_force(m.q, m.v, m.a, foot_force=sign * force)
-                found[name + suffix] = 1e3 * np.abs(tau).max(axis=0)
-        return found
-
-    peaks = {name: float(values[motor]) for name, values in context.once("claims: Fig. 11", compute).items()}
-    return _changed(peaks)
-
-
-def percent_torque_m1(context: Context) -> Verdict:
-    """2.1 mN·m, 0.1 %."""
-    return _share_verdict(
-        context,
-        "torque error of M1",
-        "2.1 mN·m on M1 as a share",
-        "Fig. 11",
-        "M1",
-        _torque_peaks(context, 1),
-        note="Masses are assumed.",
-    )
-
-
-def percent_torque_m2(context: Context) -> Verdict:
-    """1.5 mN·m, 0.6 %."""
-    return _share_verdict(
-        context,
-        "torque error of M2",
-        "1.5 mN·m on M2 as a share",
-        "Fig. 11",
-        "M2",
-        _torque_peaks(context, 0),
-        note="JᵀF alone is 3 N·m at the start, whatever the masses: not relative to the peak, or a misprint of 0.06 %.",
-    )
-
-
-def percent_torque_m3(context: Context) -> Verdict:
-    """5.2 mN·m, 0.2 %."""
-    return _share_verdict(
-        context,
-        "torque error of M3",
-        "5.2 mN·m on M3 as a share",
-        "Fig. 11",
-        "M3",
-        _torque_peaks(context, 2),
-        note="Masses are assumed.",
-    )
-
-
-def percent_experiment_ik(axis: int) -> Callable[[Context], Verdict]:
-    """Verdict on a share of the inverse kinematics' experiment."""
-    name = "XYZ"[axis]
-
-    def verdict(context: Context) -> Verdict:
-        spans = _spans(_path_51(context)[0], 1e3)
-        key = f"span in {name}"
-        return _share_verdict(
-            context,
-            f"inverse kinematics experiment, {name} error",
-            f"Measured {name} error along (51) as a share of its span",
-            "Fig. 15",
-            name,
-            {key: spans[key]},
-            corrected_by=key,
-        )
-
-    return verdict
-
-
-def percent_experiment_fk(axis: int) -> Callable[[Context], Verdict]:
-    """Verdict on a share of the forward kinematics' experiment."""
-    name = "XYZ"[axis]
-
-    def verdict(context: Context) -> Verdict:
-        candidates = {}
-        for degrees in (25.0, 45.0):
-            P = _path_52(context, degrees)[0]
-            at = "" if degrees == 25.0 or name != "Z" else f" with {degrees:g}°"
-            candidates[f"span in {name}{at}"] = 1e3 * float(np.ptp(P[:, axis]))
-            if name != "Z":
-                candidates[f"peak in {name}"] = 1e3 * float(np.abs(P[:, axis]).max())
-        return _share_verdict(
-            context,
-            f"forward kinematics experiment, {name} error",
-            f"Measured {name} error along (52) as a share",
-            "Fig. 17",
-            name,
-            candidates,
-        )
-
-    return verdict
-
-
-def amplitude_of_52(context: Context) -> Verdict:
-    """25 or 45 degrees."""
-    low, high = REPORTED["Fig. 17", "Z"].reference or (np.nan, np.nan)
-    degrees = np.arange(20.0, 60.0, 0.1)
-    P = context.leg.foot_position(_amplitudes(degrees))
-    span = 1e3 * np.ptp(P[..., 2], axis=1)
-    fits = degrees[(span >= low) & (span <= high)]
-    at_25, at_45 = (float(np.interp(d, degrees, span)) for d in (25.0, 45.0))
-    inside = fits.size > 0 and fits.min() <= 25.0 <= fits.max()
-    return _claim(
-        "amplitude of γ in (52)",
-        "25° in (52) beside the error that the paper reports for it",
-        Status.CONFIRMED if inside else Status.NOT_REPRODUCIBLE,
-        f"1.7 mm at 1.9 % along Z imply a span of {low:.1f} to {high:.1f} mm. (52) as printed spans {at_25:.1f} mm; "
-        f"amplitudes of {fits.min():.1f} to "
-        f"{fits.max():.1f}° would fit, 45° gives {at_45:.1f} mm. The printed 25° stays the default, 45° is offered.",
+def crosses_at_rest(context: Context) -> Verdict:
+    """Centres of the crosses A1 and B1."""
+    facts = assembled(context)
+    hip = worst(facts.velocity("cross_A1", com(context, "cross_A1")))
+    knee = worst(facts.velocity("cross_B1", com(context, "cross_B1")) - facts.velocity("knee"))
+    return claim(
+        "the crosses' centres do not move",
+        "Below (15) and (16): the centre of the cross A1 is at rest, that of B1 at rest relative to the knee",
+        judge([hip, knee], RATE_TOLERANCE),
+        f"For unit rates A1 moves by {text(hip)} m/rad, B1 relative to the knee by {text(knee)} m/rad.",
         [
-            Figure("span of Z at 25 deg", at_25, "mm", "(52), 0 to 6 s"),
-            Figure("span of Z at 45 deg", at_45, "mm", "(52), 0 to 6 s"),
-            Figure("least amplitude that fits", fits.min(), "deg", "1.7 mm and 1.9 % as rounded"),
-            Figure("greatest amplitude that fits", fits.max(), "deg", "1.7 mm and 1.9 % as rounded"),
+            Figure("velocity of A1", hip, "m/rad", box(context, "for unit rates")),
+            Figure("velocity of B1 relative to the knee", knee, "m/rad", box(context, "for unit rates")),
         ],
-        ("25π/180", "45π/180 would fit"),
     )
 
 
-def _amplitudes(degrees: Array) -> Array:
-    """Angles of (52) over a quarter period, where every span is reached, for several amplitudes, (k, T, 3)."""
-    t = np.linspace(0.0, 1.5, 61)
-    return np.stack([printed.motion_52(t, np.radians(d)) for d in degrees])
+def gears_at_rest(context: Context) -> Verdict:
+    """Shafts and gears at the knee."""
+    facts = assembled(context)
+    knee = facts.velocity("knee")
+    parts = ("output_shaft", "driven_gear_1", "driven_gear_2", "driven_gear_3")
+    moving = {part: worst(facts.velocity(part, com(context, part)) - knee) for part in parts}
+    off = {}
+    for part in parts:
+        spin = facts.omega(part)[..., 2]
+        centre = facts.position(part, com(context, part)) - facts.position(part)
+        off[part] = worst(np.cross(spin, centre))
+    return claim(
+        "shafts and gears at the knee do not move against it",
+        "Below (25): the centres of U_E-G_J2 and of the gears lie on their axes, so they rest relative to the knee",
+        judge([*moving.values(), *off.values()], RATE_TOLERANCE),
+        f"Output shaft with its gear and all driven gears: centres on the axes (to {text(max(off.values()))} m), "
+        f"velocity relative to the knee below {text(max(moving.values()))} m/rad for unit rates. That the centres lie "
+        "on the axes is assumed in the file, as in the paper.",
+        [Figure(f"velocity of {part} relative to the knee", moving[part], "m/rad", box(context)) for part in parts],
+    )
+
+
+def third_universal_joint(context: Context) -> Verdict:
+    """The joint U_E."""
+    bend = np.radians([1.0, 5.0, 10.0])
+    ripple = 1.0 / np.cos(bend) - 1.0
+    listed = ", ".join(f"{100.0 * r:.2g} % at {np.degrees(b):g}°" for r, b in zip(ripple, bend, strict=True))
+    return claim(
+        "the third universal joint U_E and its cross turn with the shafts",
+        "Below (24): the cross CS_UE turns as fast as the shafts B4-U_E and U_E-G_J2",
+        Status.NOT_REPRODUCIBLE,
+        "The paper gives no bend at U_E, and no equation models the joint. Without a bend the claim is trivial, and "
+        f"the joint superfluous; with one, the rates on both sides differ by up to {listed}. The file has one straight "
+        "output shaft.",
+        [
+            Figure(f"ripple at a bend of {np.degrees(b):g} deg", r, "", "1 / cos − 1")
+            for r, b in zip(ripple, bend, strict=True)
+        ],
+    )
+
+
+def rigid_and_uniform(context: Context) -> Verdict:
+    """Assumptions on the bodies."""
+    leg = context.numbers
+    middles = {f"rod_A{k}B{k}": 0.5 * float(leg.L1) for k in (1, 2, 3)}
+    off = max(worst(com(context, name) - [0.0, 0.0, middle]) for name, middle in middles.items())
+    return claim(
+        "bodies are rigid and uniform, rods balanced in their middle",
+        "Section 3: rigid bodies of uniform density; the rods' centres of mass are their geometric centres",
+        Status.OUT_OF_REACH,
+        f"Assumptions about the prototype. The file makes the same ones: its rods' centres lie in their middle (to "
+        f"{text(off)} m).",
+        [Figure("rods' centres beside their middle", off, "m", "three rods of the file")],
+    )
+
+
+def random_motions(context: Context) -> Verdict:
+    """Motions that validate the model."""
+    t = np.linspace(0.0, 6.0, 121)
+    q = printed.motion_52(t)
+    sigma = np.linalg.svd(q, compute_uv=False)
+    rank = int((sigma > 1e-9 * sigma[0]).sum())
+    foot = context.leg.foot_position(q)
+    plane = worst(foot[:, 0] + foot[:, 1])
+    exchanged = context.leg.foot_position(q[:, [1, 0, 2]])
+    unseen = worst(exchanged - foot)
+    elsewhere = worst(context.leg.foot_position(context.q[:, [1, 0, 2]]) - context.leg.foot_position(context.q))
+    return claim(
+        "randomly given motions validate the model",
+        "Conclusions: the model was validated with motions and forces given at random",
+        judge(3 - rank, 0.0),
+        f"(52) moves all motors in proportion: its states span {rank} of 3 dimensions, and the foot stays in the plane "
+        f"X = −Y (to {text(plane)} m). A model with M1 and M2 exchanged gives the same path (to {text(unseen)} m), "
+        f"although it is off by up to {text(elsewhere)} m elsewhere.",
+        [
+            Figure("dimensions of the states of (52)", rank, "", "121 samples, 0 to 6 s"),
+            Figure("distance from the plane X = −Y", plane, "m", "foot along (52)"),
+            Figure("difference with M1 and M2 exchanged", unseen, "m", "foot along (52)"),
+            Figure("the same at random states", elsewhere, "m", f"{len(context.q)} states inside the limits"),
+        ],
+    )
+
+
+def easier_model(context: Context) -> Verdict:
+    """Several methods against one."""
+    return claim(
+        "several methods together make the modelling easier",
+        "Abstract and conclusions: screws and geometry combined are easier than one method for the whole leg",
+        Status.NOT_REPRODUCIBLE,
+        "The paper gives no measure of difficulty and no model by one method to compare with.",
+    )
 
 
 def start_of_52(context: Context) -> Verdict:
@@ -1119,14 +599,14 @@ def start_of_52(context: Context) -> Verdict:
     m = omnileg_eq52(6.0, 100.0)
     rates = np.degrees(np.abs(m.v[[0, -1]]))
     speed = np.linalg.norm(context.leg.foot_velocity(m.q[[0, -1]], m.v[[0, -1]]), axis=1)
-    moving = bool((speed > 1e-3).all())
-    return _claim(
+    # The straight thigh moves like a pendulum of length L1 about both axes at once.
+    expected = np.sqrt(2.0) * float(context.numbers.L1) * np.pi**2 / 18.0
+    return claim(
         "(52) neither starts nor ends at rest",
         "The errors of the forward kinematics' experiment are put down to the speed at start and end",
-        Status.CONFIRMED if moving else Status.NOT_REPRODUCIBLE,
+        judge(speed - expected, POSITION_TOLERANCE),
         f"α and β begin and end with {rates[0, 0]:.1f}°/s and γ with {rates[0, 2]:.1f}°/s; the foot then moves at "
-        f"{1e3 * speed[0]:.0f} mm/s. Whether this causes the "
-        "errors only the hardware can tell.",
+        f"{1e3 * speed[0]:.0f} mm/s, √2 L1 π²/18 s⁻¹. Whether this causes the errors only the hardware can tell.",
         [
             Figure("rate of α at the start", rates[0, 0], "deg/s", "(52)"),
             Figure("speed of the foot at the start", speed[0], "m/s", "(52)"),
@@ -1135,49 +615,84 @@ def start_of_52(context: Context) -> Verdict:
     )
 
 
-def m1_idle_in_gait(context: Context) -> Verdict:
-    """M1 has no torque in Fig. 19."""
+def measured_accelerations(context: Context) -> Verdict:
+    """Measured accelerations fluctuate."""
+    return claim(
+        "measured accelerations fluctuate but follow the trend",
+        "Figs 15 and 17: position and speed agree with theory, the measured acceleration fluctuates about it",
+        Status.OUT_OF_REACH,
+        "Measured with a motion capture system; the data are not published.",
+    )
+
+
+def _gait_torques(context: Context) -> Array:
+    """Torques of M1, M2, M3 along (53) without load, by the numeric route, N·m."""
     from leg_dynamics.analysis.trajectories import omnileg_eq53
 
     m = omnileg_eq53(context.leg, 2.0, 100.0)
-    tau = np.abs(context.pinocchio.generalized_force(m.q[::4], m.v[::4], m.a[::4])).max(axis=0)
-    least = 1e-3
-    return _claim(
+    tau: Array = context.pinocchio.generalized_force(m.q[::4], m.v[::4], m.a[::4])[:, MOTOR_COLUMNS]
+    return tau
+
+
+def m1_idle_in_gait(context: Context) -> Verdict:
+    """M1 has no torque in Fig. 19."""
+    peaks = np.abs(_gait_torques(context)).max(axis=0)
+    return claim(
         "M1 needs no torque in the gait",
         "Fig. 19: the computed torque of M1 is zero",
-        judge(tau[1], tau[1], least),
-        f"Along (53) |τ_β| stays below {1e3 * tau[1]:.2g} mN·m beside {tau[0]:.2f} and {tau[2]:.2f} N·m on α and γ "
-        f"without load: M1 is β, M2 is α.",
+        judge(peaks[0], IDLE),
+        f"Along (53) M1 stays below {1e3 * peaks[0]:.2g} mN·m beside {peaks[1]:.2f} and {peaks[2]:.2f} N·m on M2 and "
+        "M3 without load: M1 is β, M2 is α.",
         [
-            Figure(f"peak torque on {n}", tau[i], "N·m", "(53) with z0 = 0.42 m, no load, assumed masses")
-            for i, n in enumerate("αβγ")
+            Figure(f"peak torque on {n}", peak, "N·m", "(53) with z0 = 0.42 m, no load, assumed masses")
+            for n, peak in zip(MOTORS, peaks, strict=True)
         ],
     )
 
 
-def implied_peaks_of_gait(context: Context) -> Verdict:
+def m1_error_in_gait(context: Context) -> Verdict:
+    """0.1 N·m on M1."""
+    reported = float(REPORTED["Fig. 19", "M1"].error)
+    peak = float(np.abs(_gait_torques(context)[:, 0]).max())
+    return claim(
+        "0.1 N·m on M1 in the gait",
+        "Fig. 19: the largest torque error of M1 is 0.1 N·m; no percentage, because theory asks for none",
+        Status.OUT_OF_REACH,
+        f"Measured. The computed torque is {1e3 * peak:.2g} mN·m, so {reported:g} N·m is all of what was measured: "
+        "friction, or a motion or a load across the plane of the gait.",
+        [Figure("computed peak of M1", peak, "N·m", "(53) with z0 = 0.42 m, no load, assumed masses")],
+    )
+
+
+def torque_errors_of_gait(context: Context) -> Verdict:
     """6.3 % and 8.7 %."""
     ranges = {name: REPORTED["Fig. 19", name].reference or (np.nan, np.nan) for name in ("M2", "M3")}
-    middle = {name: REPORTED["Fig. 19", name].implied for name in ranges}
-    # A load W on a massless leg: W |Y| on M2, 2 L4 W sin(gamma) on M3.
-    load = middle["M2"] / 0.05
-    sine = middle["M3"] / (2.0 * float(context.numbers.L4) * load)
-    possible = sine <= 1.0
-    gamma = float(np.arcsin(sine)) if possible else float("nan")
-    height = float(context.leg.foot_position([0.0, 0.0, gamma])[2]) if possible else float("nan")
-    return _claim(
+    inference = inferred_load(context, 0.05)
+    return claim(
         "torque errors of the gait",
         "Fig. 19: 0.14 N·m are 6.3 % on M2, 0.37 N·m are 8.7 % on M3",
         Status.OUT_OF_REACH,
         f"Measured. The peaks implied are {ranges['M2'][0]:.2f} to {ranges['M2'][1]:.2f} and {ranges['M3'][0]:.2f} to "
-        f"{ranges['M3'][1]:.2f} N·m; a load of {load:.1f} N at a "
-        f"height of {height:.3f} m with the step centred would need both. No mass here is fitted to it.",
+        f"{ranges['M3'][1]:.2f} N·m; a load of {inference.load:.1f} N at a height of {inference.height:.3f} m with the "
+        "step centred would need both. No mass here is fitted to it.",
         [
-            Figure("peak of M2 implied", middle["M2"], "N·m", "0.14 N·m at 6.3 %"),
-            Figure("peak of M3 implied", middle["M3"], "N·m", "0.37 N·m at 8.7 %"),
-            Figure("load that needs both", load, "N", "massless leg at rest, |Y| up to 0.05 m"),
-            Figure("height that needs both", height, "m", "massless leg at rest, |Y| up to 0.05 m"),
+            *(
+                Figure(f"peak of {name} implied", REPORTED["Fig. 19", name].implied, "N·m", "error over its share")
+                for name in ("M2", "M3")
+            ),
+            Figure("load that needs both", inference.load, "N", "massless leg at rest, |Y| up to 0.05 m"),
+            Figure("height that needs both", inference.height, "m", "massless leg at rest, |Y| up to 0.05 m"),
         ],
+    )
+
+
+def change_of_phase(context: Context) -> Verdict:
+    """Deviations between swing and stance."""
+    return claim(
+        "deviations where swing and stance change",
+        "Fig. 19: they come from the lag of the torque sensors and from the foot's oscillation on the ground",
+        Status.OUT_OF_REACH,
+        "It takes the prototype, its sensors and the ground to tell. The computed torques jump there with the load.",
     )
 
 
@@ -1188,48 +703,49 @@ def causes_of_measured_errors(context: Context) -> Verdict:
     foot = np.stack(context.formulas.foot_position(leg, tuple(q.T)), axis=-1)
     longer = replace(leg, L1=leg.L1 + off, L4=leg.L4 + off, L5=leg.L5 + off)
     moved = np.linalg.norm(np.stack(context.formulas.foot_position(longer, tuple(q.T)), axis=-1) - foot, axis=-1)
-    return _claim(
+    return claim(
         "measured errors come from machining, assembly and friction",
         "What the experiments' errors are put down to",
         Status.OUT_OF_REACH,
         f"It takes the prototype to tell. Lengths L1, L4 and L5 all {1e3 * off:g} mm too long move the foot by "
-        f"{1e3 * moved.min():.2f} to "
-        f"{1e3 * moved.max():.2f} mm, against measured errors of 0.9 to 2.1 mm.",
+        f"{1e3 * moved.min():.2f} to {1e3 * moved.max():.2f} mm, against measured errors of 0.9 to 2.1 mm.",
         [
             Figure(
                 "foot moved by 0.1 mm in L1, L4 and L5",
                 moved.max(),
                 "m",
-                "worst of 200 random states inside the limits",
+                f"worst of {len(q)} random states inside the limits",
             )
         ],
     )
 
 
-def two_exact_models(context: Context) -> Verdict:
-    """Simulation errors of exact models."""
+def kinematics_are_right(context: Context) -> Verdict:
+    """What the simulation proves."""
     facts = assembled(context)
-    foot = worst(facts.position("foot") - formula(context, "foot_position", facts.q))
-    rate = worst(
-        array(context.formulas.foot_jacobian(context.numbers, tuple(facts.q.T)), facts.q.shape[:-1])
-        - facts.velocity("foot")
-    )
+    foot = worst(printed.foot_position(context.numbers, facts.q) - facts.position("foot"))
+    rate = worst(printed.foot_jacobian(context.numbers, facts.q) - facts.velocity("foot"))
+    back = printed.inverse_kinematics(context.numbers, facts.position("foot"))
+    miss = worst(printed.foot_position(context.numbers, back) - facts.position("foot"))
     reported = 1e-6 * float(REPORTED["Fig. 9", "position"].error)
-    return _claim(
-        "42.5 µm show that the kinematics are right",
-        "The deviation of the multibody simulation as proof of the kinematics",
-        Status.CONFIRMED if reported <= foot else Status.NOT_REPRODUCIBLE,
-        f"Formulas and assembled mechanism agree to {text(foot)} m and {text(rate)} m/rad: an exact pair leaves no "
-        f"42.5 µm, {reported / foot:.0e} times more. They "
-        "come from the simulation's own settings, which the paper does not give.",
+    return claim(
+        "the kinematic model is right",
+        "Section 4: deviations of 42.5 and 45 µm prove that the kinematic model is right",
+        judge([foot, rate], RATE_TOLERANCE),
+        f"(11) and (14) agree with the assembled mechanism to {text(foot)} m and {text(rate)} m/rad. So the "
+        f"{1e6 * reported:g} µm, {reported / foot:.0e} times more, are not the model's: they come from settings of the "
+        f"simulation that the paper does not give. (13) as printed misses by up to {text(miss)} m, so it cannot be "
+        "what was simulated.",
         [
-            Figure("foot position, two exact models", foot, "m", _of(context)),
-            Figure("foot velocity, two exact models", rate, "m/rad", _of(context, "for unit rates")),
+            Figure("foot position, (11) against the mechanism", foot, "m", box(context)),
+            Figure("foot velocity, (14) against the mechanism", rate, "m/rad", box(context, "for unit rates")),
+            Figure("foot missed by (13) as printed", miss, "m", box(context)),
         ],
     )
 
 
 VERDICTS: tuple[Callable[[Context], Verdict], ...] = (
+    isotropy_of_the_ring,
     symmetry,
     motors_in_the_hip,
     no_rotation,
@@ -1237,33 +753,24 @@ VERDICTS: tuple[Callable[[Context], Verdict], ...] = (
     two_ways_to_lift,
     omnidirectional,
     independent_motions,
-    mobility_thigh,
-    mobility_shaft,
-    mobility_shank,
-    mobility_leg,
+    centres_in_line,
+    crosses_at_rest,
     cardan_output,
     gears_same_vector,
+    gears_at_rest,
+    third_universal_joint,
     shaft_ripple,
-    simplification_kinematic,
-    simplification_torque,
     light_parts,
-    percent_ik_position,
-    percent_ik_velocity,
-    percent_ik_acceleration,
-    two_exact_models,
-    percent_fk_position,
-    percent_fk_velocity,
-    percent_fk_acceleration,
-    percent_torque_m1,
-    percent_torque_m2,
-    percent_torque_m3,
-    cause_of_5_2,
-    *(percent_experiment_ik(axis) for axis in range(3)),
-    *(percent_experiment_fk(axis) for axis in range(3)),
-    amplitude_of_52,
+    rigid_and_uniform,
+    kinematics_are_right,
     start_of_52,
+    measured_accelerations,
     m1_idle_in_gait,
-    implied_peaks_of_gait,
+    m1_error_in_gait,
+    torque_errors_of_gait,
+    change_of_phase,
     causes_of_measured_errors,
+    random_motions,
+    easier_model,
 )
 """One function a claim, in the paper's order."""

@@ -1,248 +1,45 @@
 """Equations (1)-(53) and Tables 1-2 of Xu et al. 2025, each judged by numbers.
 
-Every formula is held against facts that share nothing with it: the mechanism of the URDF+ file assembled numerically
-(`Assembled`: poses by plain forward kinematics, velocities by differences of poses) and the numeric route's dynamics.
-An equation is confirmed if its printed form (`printed`) agrees, corrected if only the form of `closed_form.omnileg`
-does.
+Every formula is held against `facts` that share nothing with it: the mechanism of the URDF+ file assembled numerically,
+and the numeric route's dynamics. An equation is confirmed if its printed form (`printed`) agrees. It is corrected if
+the form of `closed_form.omnileg` agrees instead and the printed form's defect is known: with the one repair that the
+verdict names, it agrees too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
-from leg_dynamics.description import link_transforms
-from leg_dynamics.leg import Leg
 from leg_dynamics.papers.framework import Context, Figure, Status, Verdict
-from leg_dynamics.papers.omnileg import printed
+from leg_dynamics.papers.judge import judge, text, worst
+from leg_dynamics.papers.omnileg import printed, reported
+from leg_dynamics.papers.omnileg.facts import (
+    FEW,
+    FORCE_TOLERANCE,
+    POSITION_TOLERANCE,
+    RATE_TOLERANCE,
+    TEST_POSE,
+    Assembled,
+    array,
+    assembled,
+    body_of,
+    centre_of,
+    com,
+    formula,
+    lagrange_torque,
+    mass_matrix_of,
+    motions,
+    omega_of,
+    states,
+)
 from leg_dynamics.verification.first_principles import gradient, slope
 
-__all__ = ["VERDICTS", "Assembled", "judge", "lagrange_torque", "states"]
+__all__ = ["VERDICTS"]
 
 Array = np.ndarray
-
-POSITION_TOLERANCE = 1e-10
-"""m, rad: both sides are exact, the numeric closure stops at about 1e-13."""
-
-RATE_TOLERANCE = 1e-8
-"""m/rad, 1: fourth-order differences of poses with a step of 1e-4 rad."""
-
-FORCE_TOLERANCE = 1e-7
-"""N·m, N: likewise."""
-
-TEST_POSE = np.radians([30.0, 20.0, 40.0])
-STATES = 160
-FEW = 40
-"""States for what the numeric route computes row by row."""
-
-
-def judge(printed_difference: Any, corrected_difference: Any, tolerance: float) -> Status:
-    """Status of an item from its worst differences to an independent fact; NaN counts as a disagreement.
-
-    Parameters
-    ----------
-    printed_difference, corrected_difference : float or array_like
-        Absolute differences of the printed and of the corrected form.
-    tolerance : float
-
-    Returns
-    -------
-    Status
-        Confirmed where the printed form agrees, corrected where only the corrected one does, else not reproducible.
-    """
-    if _within(printed_difference, tolerance):
-        return Status.CONFIRMED
-    return Status.CORRECTED if _within(corrected_difference, tolerance) else Status.NOT_REPRODUCIBLE
-
-
-def _within(difference: Any, tolerance: float) -> bool:
-    return bool((np.abs(np.asarray(difference, dtype=float)) <= tolerance).all())
-
-
-def worst(difference: Any) -> float:
-    """Largest absolute value, NaN where there is one."""
-    return float(np.abs(np.asarray(difference, dtype=float)).max())
-
-
-def text(value: float) -> str:
-    """A number for a sentence: three digits."""
-    return f"{value:.3g}"
-
-
-# ---------------------------------------------------------------------- the independent facts
-
-
-class Assembled:
-    """The mechanism of a leg's file, assembled numerically at states q (N, 3), seen from the hip frame.
-
-    Velocities are influence coefficients (N, 3, 3): the last axis is the independent coordinate.
-    """
-
-    def __init__(self, leg: Leg, q: Array) -> None:
-        self.leg = leg
-        self.q = q
-        self.coordinates = leg.assemble(q)
-        self.links = self._links(q)
-        self.rates = {name: np.asarray(rate) for name, rate in self._rates(q).items()}
-
-    def _links(self, q: Array) -> dict[str, Array]:
-        links = link_transforms(self.leg.description, self.leg.assemble(q))
-        to_hip = np.linalg.inv(links["hip"])
-        return {name: to_hip @ pose for name, pose in links.items()}
-
-    def _rates(self, q: Array) -> dict[str, Array]:
-        names = list(self.links)
-
-        def poses(q: Array) -> Array:
-            links = self._links(q)
-            shape = (*q.shape[:-1], 4, 4)
-            return np.stack([np.broadcast_to(links[name], shape) for name in names], axis=-3)
-
-        return dict(zip(names, np.moveaxis(gradient(poses, q), -4, 0), strict=True))
-
-    def rotation(self, link: str) -> Array:
-        """Rotation of a link, (N, 3, 3)."""
-        return np.broadcast_to(self.links[link], (len(self.q), 4, 4))[:, :3, :3]
-
-    def position(self, link: str, point: Any = (0.0, 0.0, 0.0)) -> Array:
-        """Position of a point of a link, (N, 3) m."""
-        pose = np.broadcast_to(self.links[link], (len(self.q), 4, 4))
-        return pose[:, :3, :3] @ np.asarray(point, dtype=float) + pose[:, :3, 3]
-
-    def velocity(self, link: str, point: Any = (0.0, 0.0, 0.0)) -> Array:
-        """Velocity of a point of a link for unit rates, m/rad."""
-        return np.einsum("nijk,j->nik", self.rates[link][:, :3], np.append(np.asarray(point, dtype=float), 1.0))
-
-    def omega(self, link: str) -> Array:
-        """Angular velocity of a link for unit rates."""
-        spin = np.einsum("nijk,nlj->nilk", self.rates[link][:, :3, :3], self.rotation(link))
-        return np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
-
-    def angle(self, joint: str) -> Array:
-        """Coordinate of a tree joint, (N,) rad."""
-        return self.coordinates[joint]
-
-    def axis(self, joint: str, q: Array | None = None) -> Array:
-        """Direction of a joint's axis, tree or loop, (N, 3); at states `q` instead where given."""
-        description = self.leg.description
-        links = self.links if q is None else self._links(q)
-        for loop in description.loops:
-            if loop.name == joint:
-                direction = loop.predecessor.origin.matrix()[:3, :3] @ np.asarray(loop.axis)
-                return links[loop.predecessor.link][..., :3, :3] @ direction
-        found = description.joint(joint)
-        return links[found.child][..., :3, :3] @ np.asarray(found.axis)
-
-    def point(self, joint: str, q: Array) -> Array:
-        """A point on a joint's axis, tree or loop, at states `q`, (N, 3)."""
-        links = self._links(q)
-        for loop in self.leg.description.loops:
-            if loop.name == joint:
-                pose = links[loop.predecessor.link] @ loop.predecessor.origin.matrix()
-                return pose[..., :3, 3]
-        return links[self.leg.description.joint(joint).child][..., :3, 3]
-
-
-def states(context: Context) -> Array:
-    """States of the verdicts: the test pose, the corners of the box of joint limits, then random ones, (N, 3) rad."""
-    return np.concatenate([TEST_POSE[None], context.grid(2), context.q[:STATES]])
-
-
-def assembled(context: Context) -> Assembled:
-    """The assembled mechanism at `states`."""
-    return context.once("equations: assembled", lambda: Assembled(context.pinocchio, states(context)))
-
-
-def lagrange_torque(mass_matrix: Callable[[Array], Array], q: Array, v: Array, a: Array) -> Array:
-    """Inertial torque of a kinetic energy 1/2 v'M(q)v by Lagrange's equations with numeric derivatives, (N, 3)."""
-    M_rate = slope(mass_matrix, q, v)
-    partial = gradient(mass_matrix, q)
-    return (
-        np.einsum("nij,nj->ni", mass_matrix(q), a)
-        + np.einsum("nij,nj->ni", M_rate, v)
-        - 0.5 * np.einsum("ni,nijk,nj->nk", v, partial, v)
-    )
-
-
-# ---------------------------------------------------------------------- the corrected formulas on arrays
-
-
-def array(value: Any, shape: tuple[int, ...]) -> Array:
-    """Nested tuples of scalars as an array with the sample axes `shape` first."""
-    if isinstance(value, tuple):
-        return np.stack([array(part, shape) for part in value], axis=len(shape))
-    return np.broadcast_to(np.asarray(value, dtype=float), shape)
-
-
-def formula(context: Context, name: str, q: Array, *others: Any, leg: bool = True) -> Array:
-    """A formula of `closed_form.omnileg` at states q, as an array."""
-    arguments = [tuple(np.moveaxis(other, -1, 0)) if isinstance(other, np.ndarray) else other for other in (q, *others)]
-    function = getattr(context.formulas, name)
-    return array(function(context.numbers, *arguments) if leg else function(*arguments), q.shape[:-1])
-
-
-def motions(context: Context, name: str, q: Array) -> Any:
-    """Motions of bodies by a formula of `closed_form.omnileg`, with unit rates zero."""
-    return getattr(context.formulas, name)(context.numbers, tuple(np.moveaxis(q, -1, 0)), (0.0, 0.0, 0.0))
-
-
-def omega_of(motion: Any, q: Array) -> Array:
-    """Angular influence coefficients of a motion, (N, 3, 3)."""
-    return np.swapaxes(array(motion.turning.columns, q.shape[:-1]), -1, -2)
-
-
-def centre_of(context: Context, motion: Any, body: str, q: Array) -> tuple[Array, Array]:
-    """Position and influence coefficients of a body's centre of mass."""
-    centre = context.formulas.centre_of_mass(motion, body_of(context, body).com)
-    shape = q.shape[:-1]
-    return array(centre.position, shape), np.swapaxes(array(centre.columns, shape), -1, -2)
-
-
-def body_of(context: Context, name: str) -> Any:
-    """Mass, centre of mass and tensor of a body."""
-    return next(body for body in context.numbers.bodies if body.name == name)
-
-
-def com(context: Context, name: str) -> Array:
-    """Centre of mass in the body's frame, m."""
-    return np.array(body_of(context, name).com, dtype=float)
-
-
-def mass_matrix_of(
-    context: Context,
-    q: Array,
-    *,
-    constant_tensors: bool = False,
-    replaced: Mapping[str, Callable[[Array], tuple[Array, Array]]] | None = None,
-) -> Array:
-    """Mass matrix from the bodies' motions, (..., 3, 3).
-
-    Parameters
-    ----------
-    context : Context
-    q : (..., 3) array
-    constant_tensors : bool
-        Use each tensor as it is in the straight leg, in the hip frame, whatever the pose: (44) literally.
-    replaced : dict
-        For some bodies another rotation (..., 3, 3) and angular influence coefficients (..., 3, 3).
-    """
-    shape = q.shape[:-1]
-    M = np.zeros((*shape, 3, 3))
-    everything = motions(context, "body_motions", q)
-    straight = motions(context, "body_motions", np.zeros(3))
-    for body in context.numbers.bodies:
-        motion = everything[body.name]
-        rotation, omega = array(motion.turning.rotation, shape), omega_of(motion, q)
-        if replaced and body.name in replaced:
-            rotation, omega = replaced[body.name](q)
-        if constant_tensors:
-            rotation = array(straight[body.name].turning.rotation, ())
-        _, v = centre_of(context, motion, body.name, q)
-        tensor = rotation @ np.array(body.inertia, dtype=float) @ np.swapaxes(rotation, -1, -2)
-        M += printed.mass_matrix([(float(body.mass), tensor, omega, v)])
-    return M + np.diag(np.array(context.numbers.rotor_inertia, dtype=float))
 
 
 # ---------------------------------------------------------------------- verdicts
@@ -261,18 +58,22 @@ def compare(
     kind: str = "equation",
     note: str = "",
     forms: tuple[str, str] = ("", ""),
+    repair: tuple[str, Any] = ("", None),
     figures: Iterable[Figure] = (),
     alike: tuple[Any, Any] = ((), ()),
 ) -> Verdict:
     """Verdict from the differences of both forms to an independent fact.
 
-    `alike` are further differences of both forms, of another unit, that count for the status but are not quoted.
+    `repair` names the defect: the one change that makes the printed form right, and what then is left of the
+    difference. `alike` are further differences of both forms, of another unit, that count for the status but are not
+    quoted.
     """
     every = [
         np.append(np.ravel(main), np.ravel(more))
         for main, more in zip((printed_difference, corrected_difference), alike, strict=True)
     ]
-    status = judge(every[0], every[1], tolerance)
+    explained = None if repair[1] is None else _flat(repair[1])
+    status = judge(every[0], tolerance, corrected=every[1], explained=explained)
     off, left = worst(printed_difference), worst(corrected_difference)
     size = f" {unit}" if unit else ""
     off_text = "without bound" if np.isnan(off) else f"by up to {text(off)}{size}"
@@ -285,6 +86,9 @@ def compare(
     found = [Figure("printed form, worst difference", off, unit, of)]
     if status is not Status.CONFIRMED:
         found.append(Figure("corrected form, worst difference", left, unit, of))
+        if explained is not None:
+            sentence += f" The defect: {repair[0]} (to {text(worst(explained))})."
+            found.append(Figure("printed form, left after the one repair", worst(explained), "", repair[0]))
     confirmed = status is Status.CONFIRMED
     return Verdict(
         item,
@@ -296,6 +100,13 @@ def compare(
         forms[0],
         "" if confirmed else forms[1],
     )
+
+
+def _flat(differences: Any) -> Array:
+    """One array of differences that may have different shapes."""
+    if isinstance(differences, list):
+        return np.concatenate([np.ravel(np.asarray(part, dtype=float)) for part in differences])
+    return np.ravel(np.asarray(differences, dtype=float))
 
 
 def _box(context: Context, what: str) -> str:
@@ -454,6 +265,15 @@ def equation_5(context: Context) -> Verdict:
         f"instead of "
         f"{knee[0, 1]:+.4f} m. The printed matrix is rot(Z0, −δ), which Table 1 and (11) need.",
         forms=("rot(Z0, δ)", "rot(Z0, −δ): the printed matrix"),
+        repair=(
+            "the label's matrix transposed is the printed one, and leads to the knee and to the axis of A2",
+            [
+                *(printed.branch_rotation_by_label(k).T - printed.branch_rotation(k) for k in (1, 2, 3)),
+                _rod_by_branch_2(context, lambda k: printed.branch_rotation_by_label(k).T, facts.angle("theta22"))
+                - knee,
+                label_axis + axis,
+            ],
+        ),
         figures=[
             Figure("P_y by the label", by_label[0, 1], "m", "branch 2 at (30, 20, 40) deg"),
             Figure("P_y of the mechanism", knee[0, 1], "m", "at (30, 20, 40) deg"),
@@ -541,6 +361,10 @@ def equation_9(context: Context) -> Verdict:
         formula(context, "knee_position", facts.q) - knee,
         note=f"At (30, 20, 40)° it gives x = {wrong[0, 0]:.4f} m instead of {knee[0, 0]:.4f} m; (11) has the factor.",
         forms=("P_x = L1 cos(arctan(tan α cos β))", "P_x = L1 sin β cos(arctan(tan α cos β))"),
+        repair=(
+            "the printed x times sin β is the true one, y and z are right",
+            wrong * printed.stack(np.sin(facts.q[:, 1]), 1.0, 1.0) - knee,
+        ),
         figures=[
             Figure("x as printed", wrong[0, 0], "m", "at (30, 20, 40) deg"),
             Figure("x of the mechanism", knee[0, 0], "m", "at (30, 20, 40) deg"),
@@ -617,6 +441,7 @@ def equation_12(context: Context) -> Verdict:
         f"{text(other[1])} m with that "
         "minus): both plus signs never hold.",
         forms=("θ22 = arctan(tan β cos α)", "θ22 = −arctan(tan β cos α)"),
+        repair=("θ22 has the opposite sign, θ12 is right", wrong * [1.0, -1.0] - there),
         figures=[
             Figure("loop gap as printed", gap.max(), "m", _box(context, "knee by branch 2 to the knee")),
             Figure("loop gap at the test pose", gap[0], "m", "as printed, at (30, 20, 40) deg"),
@@ -644,6 +469,11 @@ def equation_13(context: Context) -> Verdict:
     back[good] = context.pinocchio.foot_position(own[good], on_error="nan")
     gamma = np.degrees(np.abs(wrong[:, 2] - q[:, 2]))
     beta = worst(wrong[:, 1] - q[:, 1])
+    # The printed bracket ends before "/(2 L4)", which then divides the root alone.
+    leg = context.numbers
+    height = np.cos(wrong[:, 2])
+    root = np.sqrt(leg.L1**2 - foot[:, 0] ** 2 - foot[:, 1] ** 2)
+    bracket = (height + root / (2.0 * leg.L4) - root) / (2.0 * leg.L4) - np.cos(q[:, 2])
     return compare(
         context,
         "(13)",
@@ -660,6 +490,10 @@ def equation_13(context: Context) -> Verdict:
         forms=(
             "α = arctan(P_y/√(L1² − P_x² − P_y²)), γ = arccos(P_z − L5 − √(…)/(2 L4))",
             "α = −arctan(P_y/√(…)), γ = arccos((P_z − L5 − √(…))/(2 L4))",
+        ),
+        repair=(
+            "α has the opposite sign, β is right, and cos γ is right once 2 L4 divides the whole bracket",
+            [wrong[:, 0] + q[:, 0], wrong[:, 1] - q[:, 1], bracket],
         ),
         figures=[
             Figure("foot error from the sign of α alone", by_alpha.max(), "m", _box(context, "foot position")),
@@ -747,6 +581,7 @@ def equation_16(context: Context) -> Verdict:
         f"(difference {text(same)} J), "
         "and (27) assumes +β̇.",
         forms=("ω = [0 −β̇ 0]", "ω = [0 β̇ 0]"),
+        repair=("it is the true vector with the opposite sign", wrong + facts.omega("cross_B1")),
         figures=[Figure("kinetic energy changed by the sign", same, "J", _box(context, "cross B1 at unit rates"))],
     )
 
@@ -932,13 +767,20 @@ def _column_figures(context: Context, there: Array) -> list[Figure]:
     ]
 
 
+def _straight_columns(context: Context, link: str) -> Array:
+    """True angular velocity of a link in the straight leg, for unit rates, (3, 3)."""
+    straight = context.once("equations: straight", lambda: Assembled(context.pinocchio, np.zeros((1, 3))))
+    return straight.omega(link)[0]
+
+
 def _cross_at_bend(context: Context) -> Array:
     q = np.radians([[30.0, 30.0, 40.0]])
     return context.once("equations: bend", lambda: Assembled(context.pinocchio, q)).omega("cross_A4")[0]
 
 
 def _vector(value: Array) -> str:
-    return "[" + ", ".join(f"{x:.3f}" for x in value + 0.0) + "]"
+    # Adding zero turns -0 into 0.
+    return "[" + ", ".join(f"{x:.3f}" for x in np.round(value, 3) + 0.0) + "]"
 
 
 def equation_26(context: Context) -> Verdict:
@@ -959,6 +801,10 @@ def equation_26(context: Context) -> Verdict:
         f"{_vector(bend[:, 1])} (printed "
         "[0, 1, 0]): kinematically no small neglect.",
         forms=("ω = [0 β̇ γ̇]", "ω = γ̇ Z0 + ȧ Rz(γ) Y, with a(α, β, γ) of the U joint A4"),
+        repair=(
+            "what is printed is the true motion of the straight leg, α = β = γ = 0, kept at every pose",
+            printed.omega_cross_A4(facts.q) - _straight_columns(context, "cross_A4"),
+        ),
         figures=_column_figures(context, bend),
     )
 
@@ -967,7 +813,9 @@ def equation_27(context: Context) -> Verdict:
     """Cross B4."""
     facts = assembled(context)
     own = motions(context, "transmission_motions", facts.q)["cross_B4"]
-    contradiction = worst(printed.omega_cross_B4(facts.q) - printed.omega_cross_B4_as_sum(facts.q))
+    wrong, as_sum = printed.omega_cross_B4(facts.q), printed.omega_cross_B4_as_sum(facts.q)
+    contradiction = worst(wrong - as_sum)
+    straight = _straight_columns(context, "cross_B4")
     same = worst(facts.omega("cross_B4") - facts.omega("cross_A4"))
     return _rates(
         context,
@@ -982,6 +830,11 @@ def equation_27(context: Context) -> Verdict:
         f"turns exactly as A4 (to "
         f"{text(same)}).",
         forms=("ω = ω_CSB1 + [0 0 γ̇] = [0 β̇ γ̇]", "ω = ω of the cross A4"),
+        repair=(
+            "what is printed last is the true motion of the straight leg, kept at every pose; the sum before it is the "
+            "same once (16) has its sign",
+            [wrong - straight, as_sum - straight - 2.0 * printed.omega_cross_B1(facts.q)],
+        ),
         figures=[
             Figure("its two forms apart", contradiction, "", _box(context, "for unit rates")),
             Figure("cross B4 minus cross A4", same, "", _box(context, "angular velocity for unit rates")),
@@ -1014,6 +867,8 @@ def equation_29(context: Context) -> Verdict:
     there = facts.omega("shaft_A4B4")
     rod = facts.rotation("rod_A1B1")[..., 2]
     across = worst(np.cross(there[..., 2], rod))
+    wrong = printed.omega_shaft(facts.q)
+    tilting = np.cross((wrong - there)[..., :2], rod[..., None], axis=1)
     spin = np.einsum("ni,ni->n", there[..., 2], rod)
     return _rates(
         context,
@@ -1021,13 +876,17 @@ def equation_29(context: Context) -> Verdict:
         "Angular velocity of the shaft A4B4",
         "",
         there,
-        printed.omega_shaft(facts.q),
+        wrong,
         omega_of(own, facts.q),
         "shaft A4B4",
         note=f"A unit γ̇ turns it about the rod (component across {text(across)}), not about Z0, and with a rate "
         f"between {text(spin.min())} and "
         f"{text(spin.max())}.",
         forms=("ω = ω_A1B1 + [0 0 1] γ̇", "ω = ω_CSA4 + ḃ e: U joint A4 with both its angles"),
+        repair=(
+            "the γ̇ column is Z0, the true one lies along the rod; α̇ and β̇ columns are right across the rod",
+            [wrong[..., 2] - printed.Z, np.cross(there[..., 2], rod), tilting],
+        ),
         figures=[
             Figure("least spin for a unit γ̇", spin.min(), "", _box(context, "shaft about its own axis")),
             Figure("greatest spin for a unit γ̇", spin.max(), "", _box(context, "shaft about its own axis")),
@@ -1125,131 +984,162 @@ def equation_33(context: Context) -> Verdict:
 
 
 class _Chain:
-    """Shank chain 1 in the frame at C1: what the facts and the formulas say."""
+    """One of the three shank chains in the frame at its C: what the facts and the formulas say."""
 
-    def __init__(self, context: Context) -> None:
-        self.facts = assembled(context)
+    def __init__(self, context: Context, number: int) -> None:
         self.context = context
+        self.facts = assembled(context)
         self.q = self.facts.q
-        self.C1 = self.facts.position("link_C1D1") - self.facts.position("knee")
-        psi = float(context.numbers.psi[0])
-        self.rotation = printed.rot(printed.Z, psi)
+        self.upper, self.lower = f"link_C{number}D{number}", f"link_D{number}E{number}"
+        self.hinge = f"phi_D{number}"
+        self.rotation = printed.rot(printed.Z, float(context.numbers.psi[number - 1]))
+        self.C = self.facts.position(self.upper) - self.facts.position("knee")
+        self.D = (self.facts.position(self.lower) - self.facts.position(self.upper)) @ self.rotation
         self.motions = motions(context, "shank_motions", self.q)
 
+    def com(self, link: str) -> Array:
+        """Centre of mass of a link in its own frame, m."""
+        return com(self.context, link)
+
     def omega(self, link: str) -> tuple[Array, Array]:
-        """Angular velocity from C1, fact and formula."""
+        """Angular velocity from C, fact and formula."""
         own = omega_of(self.motions[link], self.q)
         return self.rotation.T @ self.facts.omega(link), self.rotation.T @ own
 
     def centre(self, link: str) -> tuple[Array, Array]:
-        """Centre of mass from C1, fact and formula."""
-        origin = self.facts.position("link_C1D1")
+        """Centre of mass from C, fact and formula."""
         own, _ = centre_of(self.context, self.motions[link], link, self.q)
-        own_origin = array(self.motions["link_C1D1"].origin, self.q.shape[:-1])
-        fact = self.facts.position(link, com(self.context, link)) - origin
+        own_origin = array(self.motions[self.upper].origin, self.q.shape[:-1])
+        fact = self.facts.position(link, self.com(link)) - self.facts.position(self.upper)
         return fact @ self.rotation, (own - own_origin) @ self.rotation
 
     def velocity(self, link: str) -> tuple[Array, Array]:
-        """Velocity of the centre of mass relative to C1, fact and formula."""
+        """Velocity of the centre of mass relative to C, fact and formula."""
         _, own = centre_of(self.context, self.motions[link], link, self.q)
-        own_origin = np.swapaxes(array(self.motions["link_C1D1"].columns, self.q.shape[:-1]), -1, -2)
-        fact = self.facts.velocity(link, com(self.context, link)) - self.facts.velocity("link_C1D1")
+        own_origin = np.swapaxes(array(self.motions[self.upper].columns, self.q.shape[:-1]), -1, -2)
+        fact = self.facts.velocity(link, self.com(link)) - self.facts.velocity(self.upper)
         return self.rotation.T @ fact, self.rotation.T @ (own - own_origin)
+
+    @property
+    def phi_ratio(self) -> Array:
+        """phi / gamma in the assembled mechanism, where gamma is not too close to zero to divide by."""
+        bent = self.q[:, 2] > np.radians(0.1)
+        return self.facts.angle(self.hinge)[bent] / self.q[bent, 2]
+
+
+def _chains(context: Context) -> tuple[_Chain, ...]:
+    return context.once("equations: chains", lambda: tuple(_Chain(context, number) for number in (1, 2, 3)))
+
+
+def _over_chains(context: Context, function: Callable[[_Chain], Any]) -> Array:
+    """What a function gives for each chain, (3, ...)."""
+    return np.stack([np.asarray(function(chain)) for chain in _chains(context)])
+
+
+def _fact_and_formula(context: Context, function: Callable[[_Chain], tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Facts and formulas of all chains, each (3, ...)."""
+    facts, formulas = zip(*map(function, _chains(context)), strict=True)
+    return np.stack(facts), np.stack(formulas)
 
 
 def equation_34(context: Context) -> Verdict:
     """Angular velocity of C1D1."""
-    chain = _Chain(context)
-    there, own = chain.omega("link_C1D1")
-    along = worst(printed.omega_C1D1(chain.q, printed.X) - there)
+    there, own = _fact_and_formula(context, lambda chain: chain.omega(chain.upper))
+    q = states(context)
+    along = printed.omega_C1D1(q, printed.X) - there
     return _rates(
         context,
         "(34)",
         "Angular velocity of the link C1D1: which r_γ",
         "",
         there,
-        printed.omega_C1D1(chain.q),
+        printed.omega_C1D1(q),
         own,
-        "link C1D1 from C1",
-        note=f"r_γ is defined once, as [0 0 1] in (29); here it has to be X_C1, which leaves {text(along)}.",
+        "links C_iD_i, each from C_i",
+        note="r_γ is defined once, as [0 0 1] in (29); here it has to be X_C1. (36), (37), (41) and (43) are judged "
+        "with that.",
         forms=("ω = r_γ γ̇, r_γ = [0 0 1] by (29)", "ω = X_C1 γ̇"),
+        repair=(
+            "the printed γ̇ column is Z0, and with r_γ = X_C1 the equation is right",
+            [printed.omega_C1D1(q)[..., 2] - printed.Z, along],
+        ),
     )
 
 
 def equation_35(context: Context) -> Verdict:
     """Centre of C1D1."""
-    chain = _Chain(context)
-    there, own = chain.centre("link_C1D1")
+    there, own = _fact_and_formula(context, lambda chain: chain.centre(chain.upper))
     return compare(
         context,
         "(35)",
         "Centre of mass of the link C1D1 from C1",
-        _box(context, "link of the assembled mechanism"),
+        _box(context, "links C_iD_i of the assembled mechanism, each from C_i"),
         "m",
-        printed.C1D1_centre(chain.q, com(context, "link_C1D1")) - there,
+        _over_chains(context, lambda chain: printed.C1D1_centre(chain.q, chain.com(chain.upper))) - there,
         own - there,
         forms=("P = rot(X, γ) P_ic", ""),
     )
 
 
+def _with_r_gamma_of_29(context: Context, difference: Array, unit: str) -> Figure:
+    return Figure("with r_γ = [0 0 1] of (29)", worst(difference), unit, _box(context, "worst difference"))
+
+
 def equation_36(context: Context) -> Verdict:
     """Velocity of C1D1's centre."""
-    chain = _Chain(context)
-    there, own = chain.velocity("link_C1D1")
+    there, own = _fact_and_formula(context, lambda chain: chain.velocity(chain.upper))
+
+    def as_printed(r_gamma: Array) -> Array:
+        return _over_chains(context, lambda c: printed.C1D1_velocity(c.q, c.com(c.upper), r_gamma))
+
     return _rates(
         context,
         "(36)",
         "Velocity of C1D1's centre of mass from C1",
         "m/rad",
         there,
-        printed.C1D1_velocity(chain.q, com(context, "link_C1D1")),
+        as_printed(printed.X),
         own,
-        "link C1D1",
-        note="With r_γ along X_C1.",
+        "links C_iD_i, each from C_i",
+        note="With r_γ along X_C1, see (34).",
         forms=("v = ω × P", ""),
+        figures=[_with_r_gamma_of_29(context, as_printed(printed.R_GAMMA_OF_29) - there, "m/rad")],
     )
-
-
-def _phi_ratio(facts: Assembled) -> Array:
-    gamma = facts.q[:, 2]
-    bent = gamma > np.radians(0.1)
-    return facts.angle("phi_D1")[bent] / gamma[bent]
 
 
 def equation_37(context: Context) -> Verdict:
     """Angular velocity of D1E1."""
-    chain = _Chain(context)
-    there, own = chain.omega("link_D1E1")
-    ratio = _phi_ratio(chain.facts)
-    fitted = worst(printed.omega_D1E1(chain.q, float(ratio.mean())) - there)
+    there, own = _fact_and_formula(context, lambda chain: chain.omega(chain.lower))
+    ratio = _over_chains(context, lambda chain: chain.phi_ratio)
+    q = states(context)
+    by_table = printed.omega_D1E1(q, printed.PHI_OF_TABLE_1) - there
     return _rates(
         context,
         "(37)",
-        "Angular velocity of the link D1E1: φ is never given",
+        "Angular velocity of the link D1E1: φ is not given",
         "",
         there,
-        printed.omega_D1E1(chain.q),
+        printed.omega_D1E1(q, float(ratio.mean())),
         own,
-        "link D1E1 from C1",
-        note=f"Table 1 calls γ the turn of D_i too. In the assembled mechanism φ/γ lies between {ratio.min():.6f} and "
-        f"{ratio.max():.6f}; with it "
-        f"(37) is right to {text(fitted)}.",
-        forms=("ω = r_γ γ̇ + r_φ φ̇, turn of D1 = γ (Table 1)", "φ = −2γ: ω = −X_C1 γ̇"),
+        "links D_iE_i, each from C_i",
+        note=f"φ is not given; with r_γ = r_φ = X_C1 and the φ of the assembled mechanism, whose φ/γ lies between "
+        f"{ratio.min():.6f} and {ratio.max():.6f}, the equation is right. Table 1 calls γ the turn of D_i too, which "
+        f"would be off by {text(worst(by_table))}.",
+        forms=("ω = r_γ γ̇ + r_φ φ̇", ""),
         figures=[
             Figure("least φ/γ", ratio.min(), "", _box(context, "assembled mechanism, γ above 0.1 deg")),
             Figure("greatest φ/γ", ratio.max(), "", _box(context, "assembled mechanism, γ above 0.1 deg")),
+            Figure("with φ = γ of Table 1", worst(by_table), "", _box(context, "worst difference")),
         ],
     )
 
 
 def equation_38(context: Context) -> Verdict:
     """Centre of D1E1."""
-    chain = _Chain(context)
-    there, own = chain.centre("link_D1E1")
+    there, own = _fact_and_formula(context, lambda chain: chain.centre(chain.lower))
     # Only here the lever is the mechanism's own: what is judged is the symbol, not (39).
-    D1 = (chain.facts.position("link_D1E1") - chain.facts.position("link_C1D1")) @ chain.rotation
-    lever = there - D1
-    whole = worst(printed.D1E1_centre(context.numbers, chain.q, lever) - there)
+    lever = there - _over_chains(context, lambda chain: chain.D)
+    whole = printed.D1E1_centre(context.numbers, states(context), lever) - there
     return compare(
         context,
         "(38)",
@@ -1258,41 +1148,45 @@ def equation_38(context: Context) -> Verdict:
         "m",
         np.linalg.norm(lever - there, axis=-1),
         own - there,
-        note=f"The sum itself is right to {text(whole)} m once its second term has a name of its own.",
         forms=("P_D1E1c = R P_OD1 + P_D1E1c", "P_D1E1c = R P_OD1 + p, p = the vector of (39)"),
-        figures=[Figure("sum with separate symbols", whole, "m", _box(context, "centre of mass of D1E1"))],
+        repair=("the sum as printed is right once its second term has a name of its own", whole),
+        figures=[Figure("sum with separate symbols", worst(whole), "m", _box(context, "centre of mass of D_iE_i"))],
     )
 
 
 def equation_39(context: Context) -> Verdict:
     """Lever of D1E1."""
-    chain = _Chain(context)
-    centre = com(context, "link_D1E1")
-    facts, leg = chain.facts, context.numbers
-    D1 = (facts.position("link_D1E1") - facts.position("link_C1D1")) @ chain.rotation
-    there = chain.centre("link_D1E1")[0] - D1
-    own_centre = chain.centre("link_D1E1")[1]
-    own_D1 = (
-        array(chain.motions["link_D1E1"].origin, chain.q.shape[:-1])
-        - array(chain.motions["link_C1D1"].origin, chain.q.shape[:-1])
-    ) @ chain.rotation
+    leg, q = context.numbers, states(context)
     end = np.array([0.0, 0.0, leg.L4])
-    E1 = (facts.position("link_D1E1", end) - facts.position("link_D1E1")) @ chain.rotation
-    miss = np.linalg.norm(printed.D1E1_lever(chain.q, end) - E1, axis=-1)
+    there = _over_chains(context, lambda chain: chain.centre(chain.lower)[0] - chain.D)
+    wrong = _over_chains(context, lambda chain: printed.D1E1_lever(chain.q, chain.com(chain.lower)))
+
+    def formula_lever(chain: _Chain) -> Array:
+        origins = [array(chain.motions[link].origin, q.shape[:-1]) for link in (chain.lower, chain.upper)]
+        return chain.centre(chain.lower)[1] - (origins[0] - origins[1]) @ chain.rotation
+
+    def end_of_lower(chain: _Chain) -> Array:
+        return (chain.facts.position(chain.lower, end) - chain.facts.position(chain.lower)) @ chain.rotation
+
+    miss = np.linalg.norm(printed.D1E1_lever(q, end) - _over_chains(context, end_of_lower), axis=-1)
+    back = printed.rot(printed.X, -q[:, 2])
     return compare(
         context,
         "(39)",
         "Centre of mass of D1E1 from D1: E1 relative to which frame",
-        _box(context, "lever in the assembled mechanism"),
+        _box(context, "lever in the assembled mechanism, three chains"),
         "m",
-        printed.D1E1_lever(chain.q, centre) - there,
-        own_centre - own_D1 - there,
-        note=f"With E1's rotation relative to C1 the link stays vertical; E1 is off by {1e3 * miss[0]:.1f} mm at γ = "
-        f"40° and up to "
-        f"{text(1e3 * miss.max())} mm. The rotation has to be relative to D1.",
+        wrong - there,
+        _over_chains(context, formula_lever) - there,
+        note=f"With E1's rotation relative to C1 the link stays vertical; E1 is off by {1e3 * miss[0, 0]:.1f} mm at "
+        f"γ = 40° and up to {text(1e3 * miss.max())} mm.",
         forms=("P = R(D1 in C1) R(E1 in C1) P_ic", "P = R(D1 in C1) R(E1 in D1) P_ic = rot(X, −γ) P_ic"),
+        repair=(
+            "taking the printed vector back by R(D1 in C1) once, which makes E1's rotation relative to D1, is right",
+            np.einsum("nij,knj->kni", back, wrong) - there,
+        ),
         figures=[
-            Figure("E1 off at γ = 40 deg", miss[0], "m", "literal reading"),
+            Figure("E1 off at γ = 40 deg", miss[0, 0], "m", "literal reading"),
             Figure("E1 off, worst", miss.max(), "m", _box(context, "literal reading")),
         ],
     )
@@ -1300,14 +1194,12 @@ def equation_39(context: Context) -> Verdict:
 
 def equation_40(context: Context) -> Verdict:
     """Velocity of D1E1's centre."""
-    chain = _Chain(context)
-    there, own = (velocity[..., 2] for velocity in chain.velocity("link_D1E1"))
-    position, _ = chain.centre("link_D1E1")
-    D1 = (chain.facts.position("link_D1E1") - chain.facts.position("link_C1D1")) @ chain.rotation
-    ratio = float(_phi_ratio(chain.facts).mean())
-    twice_38 = printed.D1E1_velocity(position, ratio)
-    twice_39 = printed.D1E1_velocity(position - D1, ratio)
-    separate = worst(np.cross(printed.X, position) + np.cross(printed.X, position - D1) * ratio - there)
+    there, own = (part[..., 2] for part in _fact_and_formula(context, lambda chain: chain.velocity(chain.lower)))
+    position = _over_chains(context, lambda chain: chain.centre(chain.lower)[0])
+    D = _over_chains(context, lambda chain: chain.D)
+    ratio = float(_over_chains(context, lambda chain: chain.phi_ratio).mean())
+    twice_38, twice_39 = (printed.D1E1_velocity(vector, ratio) for vector in (position, position - D))
+    across = np.cross(printed.X, D)
     return _rates(
         context,
         "(40)",
@@ -1316,52 +1208,70 @@ def equation_40(context: Context) -> Verdict:
         there,
         twice_38,
         own,
-        "link D1E1 from C1",
-        note=f"At γ = 40° the true velocity is {_vector(there[0])} m/rad; (38) in both columns gives "
-        f"{_vector(twice_38[0])}, (39) in both "
-        f"{_vector(twice_39[0])}. Column 1 with (38) and column 2 with (39) leaves {text(separate)}.",
+        "links D_iE_i, each from C_i",
+        note=f"At γ = 40° the true velocity is {_vector(there[0, 0])} m/rad; (38) in both columns gives "
+        f"{_vector(twice_38[0, 0])}, (39) in both {_vector(twice_39[0, 0])}.",
         forms=("v = [r_γ × P, r_φ × P][γ̇ φ̇]", "v = [r_γ × P of (38), r_φ × P of (39)][γ̇ φ̇]"),
+        repair=(
+            "with (38) in column 1 and (39) in column 2 it is right",
+            [twice_38 - ratio * across - there, twice_39 + across - there],
+        ),
         figures=[
-            Figure("(39) in both columns", worst(twice_39 - there), "m/rad", _box(context, "velocity for a unit γ̇")),
-            Figure("(38), then (39)", separate, "m/rad", _box(context, "velocity for a unit γ̇")),
+            *(
+                Figure(f"{name}, {axis} at γ = 40 deg", value, "m/rad", "for a unit γ̇, chain 1")
+                for name, vector in (
+                    ("true", there),
+                    ("(38) in both columns", twice_38),
+                    ("(39) in both columns", twice_39),
+                )
+                for axis, value in zip("xyz", vector[0, 0], strict=True)
+            ),
         ],
     )
 
 
 def equation_41(context: Context) -> Verdict:
     """Angular velocity of C1D1 in O0."""
-    chain = _Chain(context)
-    there = chain.facts.omega("link_C1D1")
-    wrong = printed.omega_in_hip(chain.rotation, printed.omega_C1D1(chain.q, printed.X))
+    there = _over_chains(context, lambda chain: chain.facts.omega(chain.upper))
+
+    def as_printed(r_gamma: Array) -> Array:
+        return _over_chains(context, lambda c: printed.omega_in_hip(c.rotation, printed.omega_C1D1(c.q, r_gamma)))
+
     return _rates(
         context,
         "(41)",
         "Angular velocity of C1D1 in O0",
         "",
         there,
-        wrong,
-        omega_of(chain.motions["link_C1D1"], chain.q),
-        "link C1D1",
+        as_printed(printed.X),
+        _over_chains(context, lambda chain: omega_of(chain.motions[chain.upper], chain.q)),
+        "links C_iD_i",
+        note="With r_γ along X_C1, see (34); for all three chains, whose R differ.",
         forms=("ω = R ω", ""),
+        figures=[_with_r_gamma_of_29(context, as_printed(printed.R_GAMMA_OF_29) - there, "")],
     )
 
 
 def equation_42(context: Context) -> Verdict:
     """Centre of C1D1 in O0."""
-    chain, centre = _Chain(context), com(context, "link_C1D1")
-    there = chain.facts.position("link_C1D1", centre)
-    local = printed.C1D1_centre(chain.q, centre)
-    wrong = printed.position_in_hip(chain.facts.position("knee"), chain.C1, chain.rotation, local)
-    own, _ = centre_of(context, chain.motions["link_C1D1"], "link_C1D1", chain.q)
-    height = worst(chain.C1[:, 2] - context.numbers.L5)
+
+    def as_printed(chain: _Chain) -> Array:
+        local = printed.C1D1_centre(chain.q, chain.com(chain.upper))
+        return printed.position_in_hip(chain.facts.position("knee"), chain.C, chain.rotation, local)
+
+    def own(chain: _Chain) -> Array:
+        return centre_of(context, chain.motions[chain.upper], chain.upper, chain.q)[0]
+
+    there = _over_chains(context, lambda chain: chain.facts.position(chain.upper, chain.com(chain.upper)))
+    height = worst(_over_chains(context, lambda chain: chain.C[:, 2]) - context.numbers.L5)
     return compare(
         context,
         "(42)",
         "Centre of mass of C1D1 in O0",
-        _box(context, "link of the assembled mechanism"),
+        _box(context, "links C_iD_i of the assembled mechanism"),
         "m",
-        wrong - there,
-        own - there,
+        _over_chains(context, as_printed) - there,
+        _over_chains(context, own) - there,
         note=f"P_OC1 has to contain L5 (its z differs from L5 by {text(height)} m); the paper gives no value for it.",
         forms=("P = P_O0' + P_OC1 + R P", ""),
     )
@@ -1369,20 +1279,30 @@ def equation_42(context: Context) -> Verdict:
 
 def equation_43(context: Context) -> Verdict:
     """Velocity of C1D1's centre in O0."""
-    chain, centre = _Chain(context), com(context, "link_C1D1")
-    local = printed.C1D1_velocity(chain.q, centre)
-    wrong = printed.velocity_in_hip(chain.facts.velocity("knee"), chain.rotation, local)
-    _, own = centre_of(context, chain.motions["link_C1D1"], "link_C1D1", chain.q)
+
+    def as_printed(r_gamma: Array) -> Array:
+        def velocity(chain: _Chain) -> Array:
+            local = printed.C1D1_velocity(chain.q, chain.com(chain.upper), r_gamma)
+            return printed.velocity_in_hip(chain.facts.velocity("knee"), chain.rotation, local)
+
+        return _over_chains(context, velocity)
+
+    def own(chain: _Chain) -> Array:
+        return centre_of(context, chain.motions[chain.upper], chain.upper, chain.q)[1]
+
+    there = _over_chains(context, lambda chain: chain.facts.velocity(chain.upper, chain.com(chain.upper)))
     return _rates(
         context,
         "(43)",
         "Velocity of C1D1's centre of mass in O0",
         "m/rad",
-        chain.facts.velocity("link_C1D1", centre),
-        wrong,
-        own,
-        "link C1D1",
+        there,
+        as_printed(printed.X),
+        _over_chains(context, own),
+        "links C_iD_i",
+        note="With r_γ along X_C1, see (34); for all three chains, whose R differ.",
         forms=("v = v_O0' + R v", ""),
+        figures=[_with_r_gamma_of_29(context, as_printed(printed.R_GAMMA_OF_29) - there, "m/rad")],
     )
 
 
@@ -1419,6 +1339,7 @@ def equation_44(context: Context) -> Verdict:
         return printed.potential_energy(bodies)
 
     wrong = gradient(potential, q)
+    rotated = mass_matrix_of(context, q) - there
     gravity = tuple(float(g) for g in context.numbers.gravity)
     own = formula(context, "gravity_torque", q, gravity)
     at = np.radians([[30.0, 30.0, 40.0]])
@@ -1441,8 +1362,13 @@ def equation_44(context: Context) -> Verdict:
         tolerance=FORCE_TOLERANCE,
         note=f"Z0 points down, so m g P_z flips gravity: G_α(30°, 30°) is {G_literal:+.3f} instead of {G_true:+.3f} "
         f"N·m. A tensor kept constant in O0 "
-        f"changes the torques by up to {inertial[0]:.2g} mN·m along (52), {inertial[1]:.2g} mN·m ten times as fast.",
+        f"changes the torques by up to {inertial[0]:.2g} mN·m along (52), 0 to 6 s, {inertial[1]:.2g} mN·m ten "
+        "times as fast.",
         forms=("K = ½ωᵀIω + ½mvᵀv, P = m g P_z", "K = ½ωᵀ(R I Rᵀ)ω + ½mvᵀv, P = −m g P_z (Z0 down)"),
+        repair=(
+            "gravity has the opposite sign, and the kinetic energy is right once each tensor turns with its body",
+            [wrong + held, 0.5 * np.einsum("ni,nij,nj->n", v, rotated, v)],
+        ),
         figures=[
             Figure(
                 "kinetic energy, constant tensors",
@@ -1452,9 +1378,12 @@ def equation_44(context: Context) -> Verdict:
             ),
             Figure("gravity torque on α, printed", G_literal, "N·m", "at (30, 30, 40) deg, assumed masses"),
             Figure("gravity torque on α, true", G_true, "N·m", "at (30, 30, 40) deg, assumed masses"),
-            Figure("torque error of constant tensors", inertial[0], "mN·m", "along (52), assumed masses"),
+            Figure("torque error of constant tensors", inertial[0], "mN·m", "(52), 0 to 6 s, assumed masses"),
             Figure(
-                "torque error of constant tensors, ten times as fast", inertial[1], "mN·m", "along (52), assumed masses"
+                "torque error of constant tensors, ten times as fast",
+                inertial[1],
+                "mN·m",
+                "path of (52), assumed masses",
             ),
         ],
     )
@@ -1489,6 +1418,7 @@ def equation_45(context: Context) -> Verdict:
     """Lagrange's equation."""
     facts = _dynamics(context)
     wrong = printed.lagrange(facts["M_a"], facts["M_rate_v"], -facts["G"])
+    dropped = 0.5 * np.einsum("ni,nijk,nj->nk", facts["v"], gradient(context.leg.mass_matrix, facts["q"]), facts["v"])
     return compare(
         context,
         "(45)",
@@ -1500,6 +1430,7 @@ def equation_45(context: Context) -> Verdict:
         tolerance=FORCE_TOLERANCE,
         note="The second term as printed, ∂L(η)/∂η, drops ∂K/∂η, a part of the velocity forces.",
         forms=("τ = d/dt ∂L(η, η̇)/∂η̇ − ∂L(η)/∂η", "τ = d/dt ∂L(η, η̇)/∂η̇ − ∂L(η, η̇)/∂η"),
+        repair=("printed minus true is ∂K/∂η = ½ η̇ᵀ (∂M/∂η) η̇", wrong - facts["tau"] - dropped),
     )
 
 
@@ -1519,6 +1450,10 @@ def equation_46(context: Context) -> Verdict:
         tolerance=FORCE_TOLERANCE,
         note=f"Its last product is a torque squared. Without ∂L/∂η, M η̈ + V + G agrees to {text(clean)} N·m.",
         forms=("τ = M η̈ + V + G ∂L(η)/∂η", "τ = M η̈ + V + G"),
+        repair=(
+            "printed minus true is G∘∂L/∂η − G with ∂L/∂η = −G",
+            wrong - facts["tau"] - (-facts["G"] * facts["G"] - facts["G"]),
+        ),
     )
 
 
@@ -1556,6 +1491,10 @@ def equation_47(context: Context) -> Verdict:
         f"= 0, the initial state among them; "
         f"at γ = 1° a torque error of 1 mN·m already means {text(gain)} N. τ = JᵀF needs no inverse.",
         forms=("F = (Jᵀ)⁻¹ τ", "τ = Jᵀ F"),
+        repair=(
+            "it is right for γ above 5°, and at γ = 0 the γ̇ column of J vanishes, by which it divides",
+            [back[: len(q)] - F[: len(q)], J[len(q) :, :, 2]],
+        ),
         figures=[
             Figure("bent states, worst difference", bent, "N", f"γ above 5 deg, {len(q)} states"),
             Figure("straight states without an inverse", none, "", f"of {len(straight)} states with γ = 0"),
@@ -1599,6 +1538,10 @@ def equation_48(context: Context) -> Verdict:
         f"0, where there is no such force; at "
         f"γ = 10⁻¹² rad it would be {text(asked)} N. τ = M η̈ + V + G is regular there.",
         forms=("F = (Jᵀ)⁻¹ (M η̈ + V + G)", "τ = M η̈ + V + G − Jᵀ F_on_foot, without an inverse"),
+        repair=(
+            "it is right for γ above 5°, and at γ = 0 the γ̇ column of J vanishes, by which it divides",
+            [left, printed.foot_jacobian(context.numbers, q)[:, :, 2]],
+        ),
         figures=[
             Figure("bent states, torque left", worst(left), "N·m", f"γ above 5 deg, {len(facts['q'])} states"),
             Figure("force asked for at γ = 1e-12 rad", asked, "N", "(52) at t = 0, assumed masses"),
@@ -1613,14 +1556,14 @@ def _fig_11_force_side(context: Context) -> tuple[Array, Array]:
     q = printed.motion_52(t)
     v = w * printed.motion_52(np.array(1.5)) * np.cos(w * t)[:, None]
     leg = context.leg
-    F_f = np.where(t[:, None] <= 1.0, printed.EXTERNAL_FORCE, 0.0)
+    F_f = reported.foot_force(t)
     peaks = [np.abs(leg.generalized_force(q, v, -(w**2) * q, foot_force=s * F_f)).max(axis=0) for s in (1.0, -1.0)]
     return peaks[0], peaks[1]
 
 
 def _external(context: Context) -> tuple[dict[str, Array], Array, Array, Array]:
     facts = _dynamics(context)
-    F_f = np.broadcast_to(printed.EXTERNAL_FORCE, facts["q"].shape)
+    F_f = np.broadcast_to(np.array(reported.FORCE), facts["q"].shape)
     tau = context.pinocchio.generalized_force(facts["q"], facts["v"], facts["a"], foot_force=F_f)
     return facts, F_f, tau, printed.foot_jacobian(context.numbers, facts["q"])
 
@@ -1644,6 +1587,10 @@ def equation_49(context: Context) -> Verdict:
         note="A force applied to the foot relieves the motors: it is subtracted. The printed sum holds for the force "
         "that the foot exerts.",
         forms=("F_ff = F + F_f", "F_ff = F − F_f, F_f applied to the foot"),
+        repair=(
+            "printed minus true is 2 F_f: the opposite sign",
+            printed.force_with_external(F, F_f) - there - 2.0 * F_f,
+        ),
     )
 
 
@@ -1666,6 +1613,7 @@ def equation_50(context: Context) -> Verdict:
         f"printed sign "
         f"{flipped[1]:.2f} N·m.",
         forms=("τ_ff = Jᵀ(F + F_f) = M η̈ + V + G + Jᵀ F_f", "τ_ff = M η̈ + V + G − Jᵀ F_f"),
+        repair=("printed minus true is 2 JᵀF_f: the opposite sign", wrong - tau - 2.0 * (facts["tau"] - tau)),
         figures=[
             *(
                 Figure(f"peak torque on {n}", right[i], "N·m", "Fig. 11, force on the foot, assumed masses")
@@ -1701,41 +1649,90 @@ def _follow_51(context: Context, z0: float, sign: float = -1.0) -> Array:
     return context.leg.inverse_kinematics(p, limits="ignore")
 
 
+def _pieces(curve: Callable[[Array], Array], start: float, end: float, degree: int) -> tuple[list[Any], float]:
+    """The polynomials of a printed curve (T, 3) between two times, and how far the curve is from any such polynomial.
+
+    Derivatives and extremes of what is printed then need no second transcription of it.
+    """
+    t = np.linspace(start, end, 3 * degree + 1)
+    values = curve(t)
+    fitted = [np.polynomial.Polynomial.fit(t, column, degree) for column in values.T]
+    return fitted, worst(np.stack([one(t) for one in fitted], axis=-1) - values)
+
+
+def _extremes(piece: Any, order: int, start: float, end: float) -> tuple[float, float]:
+    """Least and greatest value of a derivative of a polynomial between two times."""
+    rate = piece.deriv(order) if order else piece
+    at = np.real(rate.deriv().roots()) if rate.degree() > 1 else np.zeros(0)
+    values = rate(np.concatenate([[start, end], at[(at > start) & (at < end)]]))
+    return float(values.min()), float(values.max())
+
+
+QUINTIC_SPEED, QUINTIC_ACCELERATION = 15.0 / 8.0, 10.0 / np.sqrt(3.0)
+"""Peaks of a rest-to-rest quintic over distance 1 in time 1."""
+
+LIFT_SPEED, LIFT_FALLING, LIFT_RISING = 64.0 * 3.0 / (25.0 * np.sqrt(5.0)), 24.0, 19.2
+"""Peaks of 64 s³(1 − s)³: its speed at (1 ± 1/√5)/2, its acceleration at 1/2 and at (1 ± √(3/5))/2."""
+
+
 def equation_51(context: Context) -> Verdict:
     """Path of the inverse kinematics."""
     from leg_dynamics.analysis.trajectories import omnileg_eq51_path
-    from leg_dynamics.analysis.trajectories.polynomial import quintic
 
-    t = np.linspace(0.0, 5.0, 501)
-    T = 5.0
-    d = printed.path_51(t, T)
+    T, half = 5.0, 2.5
+
+    def curve(t: Array) -> Array:
+        return printed.path_51(t, T)
+
+    forth, odd_forth = _pieces(curve, 0.0, half, 6)
+    back, odd_back = _pieces(curve, np.nextafter(half, T), T, 6)
+    whole, _ = _pieces(lambda t: curve(t)[:, 1:], 0.0, T, 6)
+    at = {t: curve(np.array([t]))[0] for t in (0.0, half, T)}
+    ends = [at[0.0], at[half][[0, 2]] - [0.1, 0.05], at[T] - [0.0, 0.1, 0.0]]
+    # Every coordinate rests where its stroke begins and ends.
+    rates = [piece.deriv()(0.0) for piece in forth] + [piece.deriv()(T) for piece in back]
+    rates += [forth[0].deriv()(half), back[0].deriv()(half), whole[1].deriv()(half)]
+    accelerations = [p.deriv(2)(0.0) for p in forth] + [p.deriv(2)(T) for p in back]
+    y, z = whole
+    peaks = [
+        _extremes(forth[0], 1, 0.0, half)[1] - QUINTIC_SPEED * 0.1 / half,
+        _extremes(forth[0], 2, 0.0, half)[1] - QUINTIC_ACCELERATION * 0.1 / half**2,
+        _extremes(y, 1, 0.0, T)[1] - QUINTIC_SPEED * 0.1 / T,
+        _extremes(y, 2, 0.0, T)[1] - QUINTIC_ACCELERATION * 0.1 / T**2,
+        _extremes(z, 0, 0.0, T)[1] - 0.05,
+        _extremes(z, 1, 0.0, T)[1] - LIFT_SPEED * 0.05 / T,
+        _extremes(z, 2, 0.0, T)[0] + LIFT_FALLING * 0.05 / T**2,
+        _extremes(z, 2, 0.0, T)[1] - LIFT_RISING * 0.05 / T**2,
+    ]
     path = omnileg_eq51_path(0.0, z_sign="literal")
-    ours = path.value(t)
-    independent = quintic([0.0], [0.1], 2.5).value(t[t <= 2.5])[:, 0]
-    before = printed.path_51(np.array(2.5), T)[0]
-    gaps = [printed.path_51(np.nextafter(2.5, 3.0), value)[0] - before for value in (T, printed.GAIT["T"])]
-    jump = max(worst(jump.jump) for jump in path.jumps(3))
+    t = np.linspace(0.0, T, 501)
+    before = printed.path_51(np.array(half), T)[0]
+    gaps = [printed.path_51(np.nextafter(half, 3.0), value)[0] - before for value in (T, printed.GAIT["T"])]
+    jump = back[0].deriv(3)(half) - forth[0].deriv(3)(half)
     up, literal = _window(context, -1.0), _window(context, 1.0)
     return compare(
         context,
         "(51)",
         "Foot path of the inverse kinematics",
-        "displacement against the quintic and lift polynomials, 0 to 5 s with T = 5 s",
-        "m",
-        [worst(d - ours), worst(d[t <= 2.5, 0] - independent)],
-        [worst(ours[t <= 2.5, 0] - independent)],
+        "ends, rest at the ends, spans and peaks in closed form (strokes of 0.1, 0.1 and 0.05 m), T = 5 s",
+        "m, m/s, m/s²",
+        _flat([*ends, rates, accelerations, peaks, odd_forth, odd_back]),
+        worst(path.value(t) - curve(t)),
+        tolerance=POSITION_TOLERANCE,
         note=f"T is not given: X joins at 2.5 s with T = {T:g} s (gap {text(gaps[0])} m; with the T of (53), "
         f"{text(gaps[1])} m). Nor is the height z0: the leg follows the path with the foot lifted for z0 from "
-        f"{up[0]:.4f} to "
-        f"{up[1]:.4f} m, with Z taken literally along Z0 (down) for {literal[0]:.4f} to {literal[1]:.4f} m; the "
-        f"straight leg's 0.5 m is outside. Y "
-        f"ends at {d[-1, 1]:.3g} m, it does not return.",
+        f"{up[0]:.4f} to {up[1]:.4f} m, with Z taken literally along Z0 (down) for {literal[0]:.4f} to "
+        f"{literal[1]:.4f} m; the straight leg's 0.5 m is outside. Y ends at {at[T][1]:.3g} m, it does not return.",
         forms=("X, Y, Z of t and T", ""),
         figures=[
             Figure("z0, lowest", up[0], "m", "path inside the limits, foot lifted"),
             Figure("z0, highest", up[1], "m", "path inside the limits, foot lifted"),
             Figure("gap of X at 2.5 s", gaps[0], "m", f"T = {T:g} s"),
-            Figure("jump of the jerk of X", jump, "m/s³", "at 2.5 s"),
+            Figure("jump of the jerk of X", abs(jump), "m/s³", "at 2.5 s"),
+            *(
+                Figure(f"span of the acceleration of {axis}", np.ptp(_extremes(piece, 2, 0.0, T)), "m/s²", "0 to 5 s")
+                for axis, piece in (("Y", y), ("Z", z))
+            ),
         ],
     )
 
@@ -1744,24 +1741,31 @@ def equation_52(context: Context) -> Verdict:
     """Motor angles of the forward kinematics."""
     t = np.linspace(0.0, 6.0, 121)
     q = printed.motion_52(t)
-    from leg_dynamics.analysis.trajectories import omnileg_eq52
-
-    ours = omnileg_eq52(6.0, 20.0)
+    # A sine of one frequency is known by its start, its rate there and its equation of motion.
+    omega, amplitude = np.pi / 3.0, np.radians([30.0, 30.0, 25.0])
+    rate = np.imag(printed.motion_52(t + 1j * printed.COMPLEX_STEP)) / printed.COMPLEX_STEP
+    orbit = (q / amplitude) ** 2 + (rate / (omega * amplitude)) ** 2 - 1.0
+    middle = printed.motion_52(np.array(1.5)) - amplitude
+    start = rate[0] - omega * amplitude
     foot = context.pinocchio.foot_position(q)
     span = np.ptp(foot, axis=0)
-    start = ours.v[0]
+    # At 30 deg both tangents are 1/sqrt(3): the thigh's direction is (1, -1, sqrt(3)) / sqrt(5).
+    leg = context.numbers
+    tilt = np.sqrt(1.0 / 5.0)
+    shank = 2.0 * leg.L4 * (1.0 - np.cos(amplitude[2]))
+    spans = span - [2.0 * leg.L1 * tilt, 2.0 * leg.L1 * tilt, leg.L1 * (1.0 - np.sqrt(3.0) * tilt) + shank]
     low, high = context.limits
     beyond = np.degrees(max(0.0, worst(np.maximum(low - q, 0.0)), worst(np.maximum(q - high, 0.0))))
     return compare(
         context,
         "(52)",
         "Motor angles of the forward kinematics",
-        "angles against the sampled motion, and the foot by (11) against the assembled mechanism, 0 to 6 s",
-        "rad or m",
-        [worst(q - ours.q), worst(printed.foot_position(context.numbers, q) - foot)],
-        [worst(formula(context, "foot_position", q) - foot)],
+        "start, rate, amplitude and frequency, spans of the assembled mechanism's foot in closed form, 0 to 6 s",
+        "rad, rad/s, m",
+        _flat([orbit, middle, start, q[0], spans, printed.foot_position(leg, q) - foot]),
+        worst(formula(context, "foot_position", q) - foot),
         note=f"It leaves the limits of Table 2 by {beyond:.0f}° (γ < 0 after 3 s), starts with "
-        f"{np.degrees(start[0]):.1f}°/s, and moves the foot by "
+        f"{np.degrees(rate[0, 0]):.1f}°/s, and moves the foot by "
         f"{1e3 * span[0]:.1f}, {1e3 * span[1]:.1f} and {1e3 * span[2]:.1f} mm.",
         forms=("α = β = π/6 sin(πt/3), γ = 25π/180 sin(πt/3)", ""),
         figures=[
@@ -1776,36 +1780,53 @@ def equation_53(context: Context) -> Verdict:
     from leg_dynamics.analysis.trajectories import omnileg_eq53_cycle
 
     gait = printed.GAIT
-    t = np.linspace(0.0, gait["T"], 101)
-    d = printed.path_53(t, **gait)
-    ours = omnileg_eq53_cycle(0.0, z_sign="literal").curve.value(t)
-    Y, H, T = gait["L"], gait["H"], gait["T"]
-    ends = [d[0], d[-1] - np.array([gait["L_h"], Y, 0.0]), d[50] - np.array([0.0, Y / 2.0, H])]
-    h = 1e-3
-    around = printed.path_53(np.array([[-h, 0.0, h], [T - h, T, T + h]]), **gait)
-    speed = np.abs(around[:, 2] - around[:, 0]).max() / (2.0 * h)
-    rates = np.abs(np.gradient(d, t, axis=0)).max(axis=0)
+    L, H, T = gait["L"], gait["H"], gait["T"]
+
+    def curve(t: Array) -> Array:
+        return printed.path_53(t, **gait)
+
+    (x, y, z), odd = _pieces(curve, 0.0, T, 6)
+    at = {t: curve(np.array([t]))[0] for t in (0.0, 0.5 * T, T)}
+    ends = [at[0.0], at[0.5 * T] - [0.0, 0.5 * L, H], at[T] - [gait["L_h"], L, 0.0]]
+    rest = [piece.deriv(order)(t) for piece in (x, y, z) for order in (1, 2) for t in (0.0, T)]
+    speeds = [_extremes(piece, 1, 0.0, T)[1] for piece in (y, z)]
+    peaks = [
+        speeds[0] - QUINTIC_SPEED * L / T,
+        _extremes(y, 2, 0.0, T)[1] - QUINTIC_ACCELERATION * L / T**2,
+        speeds[1] - LIFT_SPEED * H / T,
+        _extremes(z, 2, 0.0, T)[0] + LIFT_FALLING * H / T**2,
+    ]
+    t = np.linspace(0.0, T, 101)
+    own = omnileg_eq53_cycle(0.0, z_sign="literal").curve.value(t)
     return compare(
         context,
         "(53)",
         "Foot path of the gait",
-        "one step against the gait's polynomials, and its ends and middle against L and H",
-        "m",
-        [worst(d - ours), worst(ends)],
-        [worst(ours[-1] - np.array([gait["L_h"], Y, 0.0]))],
-        note=f"The step rests at both ends (speed below {text(speed)} m/s) and reaches about {rates[1]:.3f} m/s along "
-        f"Y and {rates[2]:.3f} m/s along Z. "
-        "The height z0, and whether Z is up, are not given.",
+        "ends, middle, rest at both ends and peaks in closed form, one step",
+        "m, m/s, m/s²",
+        _flat([*ends, rest, peaks, odd]),
+        worst(own - curve(t)),
+        note=f"The step rests at both ends (speed and acceleration below {text(worst(rest))}) and reaches "
+        f"{speeds[0]:.4f} m/s along Y and {speeds[1]:.4f} m/s along Z. The height z0, and whether Z is up, are not "
+        "given.",
         forms=("X, Y: 6s⁵ − 15s⁴ + 10s³; Z: 64 s³(1 − s)³, s = t/T", ""),
         figures=[
-            Figure("speed at lift-off and touch-down", speed, "m/s", "central difference over 2 ms"),
-            Figure("peak speed along Y", rates[1], "m/s", "one step"),
-            Figure("peak speed along Z", rates[2], "m/s", "one step"),
+            Figure("speed and acceleration at lift-off and touch-down", worst(rest), "m/s, m/s²", "both ends"),
+            Figure("peak speed along Y", speeds[0], "m/s", "one step"),
+            Figure("peak speed along Z", speeds[1], "m/s", "one step"),
         ],
     )
 
 
 # ---------------------------------------------------------------------- tables
+
+
+def _hinges(context: Context, letter: str) -> int:
+    """Hinges of the file at points C_i, D_i or E_i, tree and cut."""
+    prefixes = {"C": ("gamma_C",), "D": ("phi_D",), "E": ("epsilon_E", "loop_E")}[letter]
+    description = context.leg.description
+    names = [joint.name for joint in description.joints] + [loop.name for loop in description.loops]
+    return sum(name.startswith(prefixes) for name in names)
 
 
 def table_1(context: Context) -> Verdict:
@@ -1818,9 +1839,10 @@ def table_1(context: Context) -> Verdict:
         worst(np.linalg.norm(B1, axis=-1) - leg.L3),
         worst(np.linalg.norm(B1 - facts.position("knee"), axis=-1) - leg.L3),
     )
-    chains = sum(link.name.startswith("link_C") for link in context.leg.description.links)
+    hinges = {letter: _hinges(context, letter) for letter in "CDE"}
     turn = worst(facts.angle("phi_D1") - facts.q[:, 2])
     right = worst(facts.angle("phi_D1") + 2.0 * facts.q[:, 2])
+    mended = [about_Y, from_knee, *(count - 3 for count in hinges.values())]
     return compare(
         context,
         "Table 1",
@@ -1829,21 +1851,22 @@ def table_1(context: Context) -> Verdict:
         "rad",
         turn,
         right,
-        alike=([about_X, from_O0, chains - 2], [about_Y, from_knee, chains - 3]),
+        alike=([about_X, from_O0, *(count - 2 for count in hinges.values())], mended),
         kind="table",
         tolerance=RATE_TOLERANCE,
         note=f"β turns A1 about Y0 (off by {text(about_Y)}), not X0 ({text(about_X)}); B_i is L3 from O0' (off by "
-        f"{text(from_knee)} m), not from O0 (up to "
-        f"{text(from_O0)} m); there are {chains} chains, not 2; D_i turns by −2γ, not γ (off by up to {text(turn)} "
-        f"rad).",
+        f"{text(from_knee)} m), not from O0 (up to {text(from_O0)} m); there are {hinges['C']} hinges C_i, "
+        f"{hinges['D']} D_i and {hinges['E']} E_i, not 2 each; D_i turns by −2γ, not γ (off by up to {text(turn)} "
+        "rad).",
         forms=(
             "A1 about X0: β; B_i to O0: L3; C_i, D_i, E_i, i = 1, 2; D_i: γ",
             "A1 about Y0; B_i to O0'; i = 1, 2, 3; D_i: −2γ",
         ),
+        repair=("the four entries so replaced are right, each by itself", [right, *mended]),
         figures=[
             Figure("B1 to O0 minus L3", from_O0, "m", _box(context, "largest")),
             Figure("turn of D1 minus γ", turn, "rad", _box(context, "largest")),
-            Figure("shank chains", chains, "", "the file"),
+            *(Figure(f"hinges {letter}_i", count, "", "the file") for letter, count in hinges.items()),
         ],
     )
 
@@ -1855,15 +1878,20 @@ def table_2(context: Context) -> Verdict:
     L2 = np.sort(2.0 * leg.L4 * np.cos(gamma))
     L2_printed = np.array(printed.L2_RANGE)
     lengths = worst([leg.L1 - table["L1"], leg.L3 - table["L3"], leg.L4 - table["L4"], leg.L5 - table["L5"]])
+    # The range of L2 is rounded to mm.
+    rounding = np.maximum(np.abs(L2_printed - L2) - 5e-4, 0.0)
+    # The table's own numbers, whatever their sign: lengths, and the upper ends of the ranges.
+    data = [lengths, *rounding, *(np.radians(printed.RANGES)[:, 1] - context.limits[1])]
     lowest, highest = _window(context, -1.0)
     heights = np.linspace(lowest, highest, 9)[1:-1]
     low_printed, high_printed = np.radians(printed.RANGES).T
     low, high = context.limits
-    excess, own = [], []
+    excess, own, unsigned = [], [], []
     for z0 in heights:
         q = _follow_51(context, z0)
         excess.append(np.degrees(np.maximum(low_printed - q, q - high_printed).max()))
         own.append(np.degrees(max(0.0, np.maximum(low - q, q - high).max())))
+        unsigned.append(np.degrees(max(0.0, np.maximum(low_printed - np.abs(q), np.abs(q) - high_printed).max())))
     straight = leg.L1 + 2.0 * leg.L4 + leg.L5
     needed = float(np.degrees(_follow_51(context, 0.5 * (lowest + highest))[:, 0].min()))
     return compare(
@@ -1874,14 +1902,14 @@ def table_2(context: Context) -> Verdict:
         "deg",
         min(excess),
         max(own),
+        alike=(data, data),
         kind="table",
         tolerance=1e-6,
         note=f"0 to 65° would forbid the paper's own path (51), which needs α = {needed:.2f}° at every height. The "
-        f"lengths are those of the file (to "
-        f"{text(lengths)} m); L2 = 2 L4 cos γ spans {L2[0]:.4f} to {L2[1]:.4f} m (printed {L2_printed[0]:g} to "
-        f"{L2_printed[1]:g}), and the straight leg "
-        f"is {straight:g} m.",
+        f"lengths are those of the file (to {text(lengths)} m); L2 = 2 L4 cos γ spans {L2[0]:.4f} to {L2[1]:.4f} m "
+        f"(printed {L2_printed[0]:g} to {L2_printed[1]:g}, rounded), and the straight leg is {straight:g} m.",
         forms=("0° ≤ α, β ≤ 65°", "−65° ≤ α, β ≤ 65°"),
+        repair=("the magnitudes of all angles that (51) needs lie inside the printed ranges", unsigned),
         figures=[
             Figure("α that (51) needs", needed, "deg", "least angle on the path"),
             Figure("least L2", L2[0], "m", "γ = 85 deg"),

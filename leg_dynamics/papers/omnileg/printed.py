@@ -31,9 +31,6 @@ RANGES = ((0.0, 65.0), (0.0, 65.0), (0.0, 85.0))
 
 GRAVITY = 9.81
 
-EXTERNAL_FORCE = np.array([0.0, -20.0, 20.0])
-"""N; the force of the dynamic simulation, "applied to the foot", during its first second."""
-
 
 def stack(*components: Any) -> Array:
     """Vector (..., 3) of components."""
@@ -160,8 +157,8 @@ def passive_angles(q: Array) -> Array:
 def inverse_kinematics(leg: Any, p: Array) -> Array:
     """Motor angles for a foot position, brackets as printed. Equation (13)."""
     x, y, z = p[..., 0], p[..., 1], p[..., 2]
-    root = np.sqrt(leg.L1**2 - (x**2 + y**2))
     with np.errstate(invalid="ignore"):
+        root = np.sqrt(leg.L1**2 - (x**2 + y**2))
         gamma = np.arccos(z - leg.L5 - root / (2.0 * leg.L4))
     return stack(np.arctan(y / root), np.arctan(x / root), gamma)
 
@@ -292,16 +289,16 @@ def C1D1_centre(q: Array, centre: Array) -> Array:
     return rot(X, q[..., 2]) @ centre
 
 
-def C1D1_velocity(q: Array, centre: Array) -> Array:
-    """Velocity of the centre of mass of C1D1 in the frame at C1, r_gamma along X_C1. Equation (36)."""
-    return np.cross(omega_C1D1(q, X), C1D1_centre(q, centre)[..., None], axis=-2)
+def C1D1_velocity(q: Array, centre: Array, r_gamma: Array = R_GAMMA_OF_29) -> Array:
+    """Velocity of the centre of mass of C1D1 in the frame at C1. Equation (36)."""
+    return np.cross(omega_C1D1(q, r_gamma), C1D1_centre(q, centre)[..., None], axis=-2)
 
 
 PHI_OF_TABLE_1 = 1.0
 """phi / gamma: Table 1 calls gamma the turn of C_i and of D_i, and no equation says otherwise."""
 
 
-def omega_D1E1(q: Array, phi_per_gamma: float = PHI_OF_TABLE_1) -> Array:
+def omega_D1E1(q: Array, phi_per_gamma: float) -> Array:
     """Angular velocity of the link D1E1 in the frame at C1, both axes along X_C1. Equation (37)."""
     return columns(q, gamma=X + X * phi_per_gamma)
 

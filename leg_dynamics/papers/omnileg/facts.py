@@ -1,0 +1,229 @@
+"""What verdicts on the OmniLeg are computed from: the mechanism assembled from its file, and the formulas on arrays.
+
+The two share nothing. Facts are poses by plain forward kinematics of the numerically assembled tree and differences of
+poses; formulas are those of `closed_form.omnileg`, as corrected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from leg_dynamics.description import link_transforms
+from leg_dynamics.leg import Leg
+from leg_dynamics.papers.framework import Context
+from leg_dynamics.papers.omnileg import printed
+from leg_dynamics.verification.first_principles import gradient, slope
+
+__all__ = [
+    "FEW",
+    "FORCE_TOLERANCE",
+    "POSITION_TOLERANCE",
+    "RATE_TOLERANCE",
+    "STATES",
+    "TEST_POSE",
+    "Assembled",
+    "array",
+    "assembled",
+    "body_of",
+    "centre_of",
+    "com",
+    "formula",
+    "lagrange_torque",
+    "mass_matrix_of",
+    "motions",
+    "omega_of",
+    "states",
+]
+
+Array = np.ndarray
+
+POSITION_TOLERANCE = 1e-10
+"""m, rad: both sides are exact, the numeric closure stops at about 1e-13."""
+
+RATE_TOLERANCE = 1e-8
+"""m/rad, 1: fourth-order differences of poses with a step of 1e-4 rad."""
+
+FORCE_TOLERANCE = 1e-7
+"""N·m, N: likewise."""
+
+TEST_POSE = np.radians([30.0, 20.0, 40.0])
+STATES = 160
+FEW = 40
+"""States for what the numeric route computes row by row."""
+
+
+# The independent facts.
+
+
+class Assembled:
+    """The mechanism of a leg's file, assembled numerically at states q (N, 3), seen from the hip frame.
+
+    Velocities are influence coefficients (N, 3, 3): the last axis is the independent coordinate.
+    """
+
+    def __init__(self, leg: Leg, q: Array) -> None:
+        self.leg = leg
+        self.q = q
+        self.coordinates = leg.assemble(q)
+        self.links = self._links(q)
+        self.rates = {name: np.asarray(rate) for name, rate in self._rates(q).items()}
+
+    def _links(self, q: Array) -> dict[str, Array]:
+        links = link_transforms(self.leg.description, self.leg.assemble(q))
+        to_hip = np.linalg.inv(links["hip"])
+        return {name: to_hip @ pose for name, pose in links.items()}
+
+    def _rates(self, q: Array) -> dict[str, Array]:
+        names = list(self.links)
+
+        def poses(q: Array) -> Array:
+            links = self._links(q)
+            shape = (*q.shape[:-1], 4, 4)
+            return np.stack([np.broadcast_to(links[name], shape) for name in names], axis=-3)
+
+        return dict(zip(names, np.moveaxis(gradient(poses, q), -4, 0), strict=True))
+
+    def rotation(self, link: str) -> Array:
+        """Rotation of a link, (N, 3, 3)."""
+        return np.broadcast_to(self.links[link], (len(self.q), 4, 4))[:, :3, :3]
+
+    def position(self, link: str, point: Any = (0.0, 0.0, 0.0)) -> Array:
+        """Position of a point of a link, (N, 3) m."""
+        pose = np.broadcast_to(self.links[link], (len(self.q), 4, 4))
+        return pose[:, :3, :3] @ np.asarray(point, dtype=float) + pose[:, :3, 3]
+
+    def velocity(self, link: str, point: Any = (0.0, 0.0, 0.0)) -> Array:
+        """Velocity of a point of a link for unit rates, m/rad."""
+        return np.einsum("nijk,j->nik", self.rates[link][:, :3], np.append(np.asarray(point, dtype=float), 1.0))
+
+    def omega(self, link: str) -> Array:
+        """Angular velocity of a link for unit rates."""
+        spin = np.einsum("nijk,nlj->nilk", self.rates[link][:, :3, :3], self.rotation(link))
+        return np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+
+    def angle(self, joint: str) -> Array:
+        """Coordinate of a tree joint, (N,) rad."""
+        return self.coordinates[joint]
+
+    def axis(self, joint: str, q: Array | None = None) -> Array:
+        """Direction of a joint's axis, tree or loop, (N, 3); at states `q` instead where given."""
+        description = self.leg.description
+        links = self.links if q is None else self._links(q)
+        for loop in description.loops:
+            if loop.name == joint:
+                direction = loop.predecessor.origin.matrix()[:3, :3] @ np.asarray(loop.axis)
+                return links[loop.predecessor.link][..., :3, :3] @ direction
+        found = description.joint(joint)
+        return links[found.child][..., :3, :3] @ np.asarray(found.axis)
+
+    def point(self, joint: str, q: Array) -> Array:
+        """A point on a joint's axis, tree or loop, at states `q`, (N, 3)."""
+        links = self._links(q)
+        for loop in self.leg.description.loops:
+            if loop.name == joint:
+                pose = links[loop.predecessor.link] @ loop.predecessor.origin.matrix()
+                return pose[..., :3, 3]
+        return links[self.leg.description.joint(joint).child][..., :3, 3]
+
+
+def states(context: Context) -> Array:
+    """States of the verdicts: the test pose, the corners of the box of joint limits, then random ones, (N, 3) rad."""
+    return np.concatenate([TEST_POSE[None], context.grid(2), context.q[:STATES]])
+
+
+def assembled(context: Context) -> Assembled:
+    """The assembled mechanism at `states`."""
+    return context.once("equations: assembled", lambda: Assembled(context.pinocchio, states(context)))
+
+
+def lagrange_torque(mass_matrix: Callable[[Array], Array], q: Array, v: Array, a: Array) -> Array:
+    """Inertial torque of a kinetic energy 1/2 v'M(q)v by Lagrange's equations with numeric derivatives, (N, 3)."""
+    M_rate = slope(mass_matrix, q, v)
+    partial = gradient(mass_matrix, q)
+    return (
+        np.einsum("nij,nj->ni", mass_matrix(q), a)
+        + np.einsum("nij,nj->ni", M_rate, v)
+        - 0.5 * np.einsum("ni,nijk,nj->nk", v, partial, v)
+    )
+
+
+# The corrected formulas on arrays.
+
+
+def array(value: Any, shape: tuple[int, ...]) -> Array:
+    """Nested tuples of scalars as an array with the sample axes `shape` first."""
+    if isinstance(value, tuple):
+        return np.stack([array(part, shape) for part in value], axis=len(shape))
+    return np.broadcast_to(np.asarray(value, dtype=float), shape)
+
+
+def formula(context: Context, name: str, q: Array, *others: Any, leg: bool = True) -> Array:
+    """A formula of `closed_form.omnileg` at states q, as an array."""
+    arguments = [tuple(np.moveaxis(other, -1, 0)) if isinstance(other, np.ndarray) else other for other in (q, *others)]
+    function = getattr(context.formulas, name)
+    return array(function(context.numbers, *arguments) if leg else function(*arguments), q.shape[:-1])
+
+
+def motions(context: Context, name: str, q: Array) -> Any:
+    """Motions of bodies by a formula of `closed_form.omnileg`, with unit rates zero."""
+    return getattr(context.formulas, name)(context.numbers, tuple(np.moveaxis(q, -1, 0)), (0.0, 0.0, 0.0))
+
+
+def omega_of(motion: Any, q: Array) -> Array:
+    """Angular influence coefficients of a motion, (N, 3, 3)."""
+    return np.swapaxes(array(motion.turning.columns, q.shape[:-1]), -1, -2)
+
+
+def centre_of(context: Context, motion: Any, body: str, q: Array) -> tuple[Array, Array]:
+    """Position and influence coefficients of a body's centre of mass."""
+    centre = context.formulas.centre_of_mass(motion, body_of(context, body).com)
+    shape = q.shape[:-1]
+    return array(centre.position, shape), np.swapaxes(array(centre.columns, shape), -1, -2)
+
+
+def body_of(context: Context, name: str) -> Any:
+    """Mass, centre of mass and tensor of a body."""
+    return next(body for body in context.numbers.bodies if body.name == name)
+
+
+def com(context: Context, name: str) -> Array:
+    """Centre of mass in the body's frame, m."""
+    return np.array(body_of(context, name).com, dtype=float)
+
+
+def mass_matrix_of(
+    context: Context,
+    q: Array,
+    *,
+    constant_tensors: bool = False,
+    replaced: Mapping[str, Callable[[Array], tuple[Array, Array]]] | None = None,
+) -> Array:
+    """Mass matrix from the bodies' motions, (..., 3, 3).
+
+    Parameters
+    ----------
+    context : Context
+    q : (..., 3) array
+    constant_tensors : bool
+        Use each tensor as it is in the straight leg, in the hip frame, whatever the pose: (44) literally.
+    replaced : dict
+        For some bodies another rotation (..., 3, 3) and angular influence coefficients (..., 3, 3).
+    """
+    shape = q.shape[:-1]
+    M = np.zeros((*shape, 3, 3))
+    everything = motions(context, "body_motions", q)
+    straight = motions(context, "body_motions", np.zeros(3))
+    for body in context.numbers.bodies:
+        motion = everything[body.name]
+        rotation, omega = array(motion.turning.rotation, shape), omega_of(motion, q)
+        if replaced and body.name in replaced:
+            rotation, omega = replaced[body.name](q)
+        if constant_tensors:
+            rotation = array(straight[body.name].turning.rotation, ())
+        _, v = centre_of(context, motion, body.name, q)
+        tensor = rotation @ np.array(body.inertia, dtype=float) @ np.swapaxes(rotation, -1, -2)
+        M += printed.mass_matrix([(float(body.mass), tensor, omega, v)])
+    return M + np.diag(np.array(context.numbers.rotor_inertia, dtype=float))
