@@ -14,7 +14,7 @@ import stat
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
@@ -54,6 +54,10 @@ MAX_FORCE = 1e30
 """N; the largest component of a force on the foot: a preview draws in single precision."""
 MAX_EFFORT = 1e150
 """N·m or N; the square of a larger torque leaves the range of floating-point numbers."""
+FULL_RATE, PREVIEW_RATE = 1000.0, 60.0
+"""Samples a second of a named trajectory, computed and shown."""
+MIN_PREVIEW_SAMPLES = 6
+"""Of a moving preview: as many as a file of samples must have."""
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 FORCE_NOTE = (
     "The foot force is the one that the environment applies to the foot, in the hip frame "
@@ -72,6 +76,14 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
+
+def _path(text: str) -> Path:
+    # pathlib reads an empty text as the current folder.
+    if not text:
+        raise typer.BadParameter("the path is empty; name a file or a folder")
+    return Path(text)
+
+
 # Parameters that several commands share.
 LegName = Annotated[str, typer.Argument(metavar="LEG", help="Shipped name, or path to .urdf / .urdf.xacro.")]
 SetOption = Annotated[
@@ -80,11 +92,20 @@ SetOption = Annotated[
 ]
 FootOption = Annotated[str | None, typer.Option("--foot", metavar="LINK", help="Foot link of a file of your own.")]
 UrdfOption = Annotated[
-    Path | None, typer.Option("--urdf", metavar="FILE", help="Geometry and inertia for a named leg's formulas.")
+    Path | None,
+    typer.Option("--urdf", parser=_path, metavar="FILE", help="Geometry and inertia for a named leg's formulas."),
 ]
 RouteOption = Annotated[
     str | None,
     typer.Option("--route", metavar="ROUTE", help="closed_form, pinocchio, ...; the leg's default if absent."),
+]
+TransmissionOption = Annotated[
+    str,
+    typer.Option(
+        "--transmission",
+        metavar="exact|paper|none",
+        help="Model of the drive train, by the closed form: exact, as published, or without its rotary inertia.",
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, on standard output.")]
 TrajectoryOption = Annotated[
@@ -94,6 +115,21 @@ TrajectoryOption = Annotated[
         metavar="NAME|FILE.csv",
         help="A named trajectory of the leg (its first if absent), or a CSV file with columns t, q1..qn "
         "(or joint names), or t, x, y, z of the foot; s, rad, m.",
+    ),
+]
+FootForceOption = Annotated[
+    str | None,
+    typer.Option("--foot-force", metavar="X,Y,Z", help="N, applied by the environment to the foot, in the hip frame."),
+]
+WindowOption = Annotated[
+    str | None, typer.Option("--force-window", metavar="T0,T1", help="When the force acts, s; always if absent.")
+]
+SupportOption = Annotated[
+    str | None,
+    typer.Option(
+        "--support-force",
+        metavar="X,Y,Z",
+        help="N, applied by the ground to the foot in the stance of a gait, such as eq53, and not in its swing.",
     ),
 ]
 DurationOption = Annotated[
@@ -301,7 +337,9 @@ def render_leg(
     leg: LegName,
     check: Annotated[bool, typer.Option("--check", help="Fail where the shipped URDF+ is stale.")] = False,
     set_: SetOption = None,
-    output: Annotated[Path | None, typer.Option("--output", metavar="FILE", help="Write here, not to stdout.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", parser=_path, metavar="FILE", help="Write here, not to stdout.")
+    ] = None,
 ) -> None:
     """Render a leg's xacro source to URDF+."""
     from leg_dynamics import description
@@ -336,24 +374,21 @@ def torque_leg(
     compare: Annotated[
         str | None, typer.Option("--compare", metavar="ROUTE", help="Compute by this route too; exit 1 if they differ.")
     ] = None,
-    foot_force: Annotated[
-        str | None,
-        typer.Option(
-            "--foot-force", metavar="X,Y,Z", help="N, applied by the environment to the foot, in the hip frame."
-        ),
-    ] = None,
-    force_window: Annotated[
-        str | None, typer.Option("--force-window", metavar="T0,T1", help="When the force acts, s; always if absent.")
-    ] = None,
+    foot_force: FootForceOption = None,
+    force_window: WindowOption = None,
+    support_force: SupportOption = None,
+    transmission: TransmissionOption = "exact",
     duration: DurationOption = None,
     rate: RateOption = None,
     ignore_limits: LimitsOption = False,
     set_: SetOption = None,
     foot: FootOption = None,
     urdf: UrdfOption = None,
-    output: Annotated[Path | None, typer.Option("--output", metavar="F.csv", help="Write the table here.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", parser=_path, metavar="F.csv", help="Write the table here.")
+    ] = None,
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="F.png", help="Draw it here (png, svg or pdf).")
+        Path | None, typer.Option("--plot", parser=_path, metavar="F.png", help="Draw it here (png, svg or pdf).")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -362,18 +397,17 @@ def torque_leg(
         _check_writable(path)
     if plot is not None and plot.suffix.lower() not in PLOT_SUFFIXES:
         raise typer.BadParameter(f"{plot.name!r} does not end in {', '.join(PLOT_SUFFIXES)}", param_hint="--plot")
-    force, window = _force(foot_force, force_window)
+    load = _Load.read(foot_force, force_window, support_force)
     from leg_dynamics.routes import sibling
 
-    model = _load(leg, route, set_, foot, urdf)
+    model = _load(leg, route, set_, foot, urdf, transmission)
     if compare == model.route:
         raise typer.BadParameter(
             f"{compare} is the route itself; compare it with another one, or choose another --route",
             param_hint="--compare",
         )
     motion = _trajectory(model, trajectory, duration, rate, ignore_limits)
-    if force is not None:
-        motion = motion.with_foot_force(force, *(window or (None, None)))
+    motion = load.on(motion, model, trajectory)
     efforts = _torque(model, motion)
     result = _summary(model, motion, efforts)
     other = None
@@ -408,10 +442,11 @@ def crosscheck_leg(
     set_: SetOption = None,
     foot: FootOption = None,
     urdf: UrdfOption = None,
+    transmission: TransmissionOption = "exact",
     as_json: JsonOption = False,
 ) -> None:
     """Compare the leg's routes with each other and with physical laws; exit 1 if they disagree."""
-    report = _crosscheck(leg, samples, seed, **_load_options(set_, foot, urdf))
+    report = _crosscheck(leg, samples, seed, **_load_options(set_, foot, urdf, transmission))
     if as_json:
         _print_json(report.to_dict())
     else:
@@ -425,15 +460,10 @@ def preview_leg(
     leg: LegName,
     trajectory: TrajectoryOption = None,
     route: RouteOption = None,
-    foot_force: Annotated[
-        str | None,
-        typer.Option(
-            "--foot-force", metavar="X,Y,Z", help="N, applied by the environment to the foot, in the hip frame."
-        ),
-    ] = None,
-    force_window: Annotated[
-        str | None, typer.Option("--force-window", metavar="T0,T1", help="When the force acts, s; always if absent.")
-    ] = None,
+    foot_force: FootForceOption = None,
+    force_window: WindowOption = None,
+    support_force: SupportOption = None,
+    transmission: TransmissionOption = "exact",
     duration: DurationOption = None,
     rate: RateOption = None,
     ignore_limits: LimitsOption = False,
@@ -441,7 +471,8 @@ def preview_leg(
     foot: FootOption = None,
     urdf: UrdfOption = None,
     html: Annotated[
-        Path | None, typer.Option("--html", metavar="F.html", help="Write one self-contained page, not a live view.")
+        Path | None,
+        typer.Option("--html", parser=_path, metavar="F.html", help="Write one self-contained page, not a live view."),
     ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Live view: do not open a browser.")] = False,
 ) -> None:
@@ -452,11 +483,10 @@ def preview_leg(
     from leg_dynamics.preview import show_live, write_html
 
     _check_writable(html)
-    force, window = _force(foot_force, force_window)
-    model = _load(leg, route, set_, foot, urdf)
+    load = _Load.read(foot_force, force_window, support_force)
+    model = _load(leg, route, set_, foot, urdf, transmission)
     motion = _preview_motion(model, trajectory, duration, rate, ignore_limits)
-    if force is not None:
-        motion = motion.with_foot_force(force, *(window or (None, None)))
+    motion = load.on(motion, model, trajectory)
     loads = _preview_loads(model, motion)
     values, trace = _animation(model, motion)
     if html is not None:
@@ -476,15 +506,31 @@ def preview_leg(
     view.wait()
 
 
+@app.command(
+    "bench",
+    epilog=EXIT_CODES,
+    add_help_option=False,
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+)
+@_reported
+def bench(context: typer.Context) -> None:
+    """Measure what a torque costs, beside other ways to it; needs a checkout. Options: see `bench --help`."""
+    raise typer.Exit(_benchmarks()(context.args, program="leg-dynamics bench"))
+
+
 @_command("demo")
 def demo(
-    output: Annotated[Path, typer.Option("--output", metavar="DIR", help="Folder for the results.")] = Path("demo"),
+    output: Annotated[
+        Path, typer.Option("--output", parser=_path, metavar="DIR", help="Folder for the results.")
+    ] = Path("demo"),
     samples: Annotated[int, typer.Option("--samples", min=1, metavar="N", help="States of the cross-check.")] = 300,
 ) -> None:
     """Compute the OmniLeg's torques along Xu 2025 eq. (52) by two routes, cross-check them, draw and animate them."""
     from leg_dynamics.analysis.trajectories import omnileg_eq52
     from leg_dynamics.preview import write_html
 
+    table, plot, page = output / "torque.csv", output / "torque.png", output / "preview.html"
+    _check_folder(output, files=(table, plot, page))
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -499,7 +545,6 @@ def demo(
     report = _crosscheck("omnileg", samples, 0)
     console.print(report)
 
-    table, plot, page = output / "torque.csv", output / "torque.png", output / "preview.html"
     _write_table(table, leg, motion, efforts)
     _write_plot(plot, leg, motion, efforts, other.route, second)
     animation = omnileg_eq52(2.0, 60.0)
@@ -520,15 +565,21 @@ def reproduce_paper(
     paper: Annotated[str, typer.Argument(metavar="PAPER", help="The paper, by its leg's name: omnileg.")],
     output: Annotated[
         Path | None,
-        typer.Option("--output", metavar="DIR", help="Write index.html, report.json and the plots into this folder."),
+        typer.Option(
+            "--output",
+            parser=_path,
+            metavar="DIR",
+            help="Write index.html, report.json and the plots into this folder.",
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Judge a paper's equations, tables, figures and claims by computing them; exit 1 if what must hold fails."""
     from leg_dynamics import papers
 
-    if output is not None and output.exists() and not output.is_dir():
-        raise OutputError(f"{output} is a file; name a folder", path=str(output))
+    fixed = () if output is None else (output / "index.html", output / "report.json")
+    if output is not None:
+        _check_folder(output / "plots", files=fixed)
     with _progress() as progress:
         task = progress.add_task(paper, total=1.0)
 
@@ -536,6 +587,10 @@ def reproduce_paper(
             progress.update(task, description=what, completed=share)
 
         report = papers.find(paper).reproduce(progress=step)
+        if output is not None:
+            # Again, with the plots' names: nothing is written where something cannot be.
+            drawings = (output / "plots" / f"{drawing.name}.png" for drawing in report.plots)
+            _check_folder(output / "plots", files=(*fixed, *drawings))
         written = () if output is None else report.write(output, progress=step)
     if as_json:
         _print_json(report.to_dict() | {"files": [str(path) for path in written]})
@@ -544,7 +599,7 @@ def reproduce_paper(
         for path in written:
             _say_written(path)
     if not report.passed:
-        failing = ", ".join(check.name for check in report.checks if not check.passed)
+        failing = ", ".join(check.name for check in report.checks if check.state == "fails")
         _complain(f"error: what must hold does not: {failing}")
         raise typer.Exit(FAILED)
 
@@ -558,16 +613,24 @@ def _load(
     set_: Sequence[str] | None = None,
     foot: str | None = None,
     urdf: Path | None = None,
+    transmission: str = "exact",
 ) -> Leg:
     import leg_dynamics
 
-    options = _load_options(set_, foot, urdf)
+    options = _load_options(set_, foot, urdf, transmission)
     with _error_console().status("loading"):
         return leg_dynamics.load(name, route, **options)
 
 
-def _load_options(set_: Sequence[str] | None, foot: str | None, urdf: Path | None) -> dict[str, Any]:
-    return {"parameters": _parameters(set_), "foot": foot, "urdf": None if urdf is None else str(urdf)}
+def _load_options(
+    set_: Sequence[str] | None, foot: str | None, urdf: Path | None, transmission: str = "exact"
+) -> dict[str, Any]:
+    return {
+        "parameters": _parameters(set_),
+        "foot": foot,
+        "urdf": None if urdf is None else str(urdf),
+        "transmission": transmission,
+    }
 
 
 def _parameters(set_: Sequence[str] | None) -> dict[str, float] | None:
@@ -596,19 +659,50 @@ def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
     return numbers
 
 
-def _force(
-    foot_force: str | None, force_window: str | None
-) -> tuple[tuple[float, ...] | None, tuple[float, ...] | None]:
-    force = None if foot_force is None else _numbers("--foot-force", foot_force, 3)
-    window = None if force_window is None else _numbers("--force-window", force_window, 2)
-    if force is None:
-        if window is not None:
-            raise typer.BadParameter("--force-window needs --foot-force")
-    elif max(map(abs, force)) > MAX_FORCE:
-        raise typer.BadParameter(
-            f"{foot_force!r} is out of range: no component may exceed {MAX_FORCE:g} N", param_hint="--foot-force"
-        )
-    return force, window
+@dataclasses.dataclass(frozen=True)
+class _Load:
+    """The force on the foot that the options ask for: always, in a window, or in the stance of a gait."""
+
+    force: tuple[float, ...] | None
+    window: tuple[float, ...] | None
+    in_stance: bool
+
+    @classmethod
+    def read(cls, foot_force: str | None, force_window: str | None, support_force: str | None) -> _Load:
+        if support_force is not None and (foot_force is not None or force_window is not None):
+            raise typer.BadParameter(
+                "the gait says when it acts; it goes with neither --foot-force nor --force-window",
+                param_hint="--support-force",
+            )
+        option, text = ("--foot-force", foot_force) if support_force is None else ("--support-force", support_force)
+        force = None if text is None else _numbers(option, text, 3)
+        window = None if force_window is None else _numbers("--force-window", force_window, 2)
+        if force is None:
+            if window is not None:
+                raise typer.BadParameter("--force-window needs --foot-force")
+        elif max(map(abs, force)) > MAX_FORCE:
+            raise typer.BadParameter(
+                f"{text!r} is out of range: no component may exceed {MAX_FORCE:g} N", param_hint=option
+            )
+        return cls(force, window, support_force is not None)
+
+    def on(self, motion: Trajectory, leg: Leg, choice: str | None) -> Trajectory:
+        """Return the motion with this force; `choice` is the trajectory that the options name."""
+        if self.force is None:
+            return motion
+        if not self.in_stance:
+            return motion.with_foot_force(self.force, *(self.window or (None, None)))
+        from leg_dynamics.analysis.trajectories import named, named_cycle
+
+        names = list(named(leg.description.name))
+        cycle = named_cycle(leg.description.name, choice or next(iter(names), ""))
+        if cycle is None:
+            gaits = [name for name in names if named_cycle(leg.description.name, name) is not None]
+            raise TrajectoryError(
+                f"{motion.name!r} is no gait with a stance for --support-force to act in (gaits of "
+                f"{leg.description.name!r}: {', '.join(gaits) or 'none'}); use --foot-force, with --force-window"
+            )
+        return motion.with_foot_force(cycle.support_force(motion.time, self.force))
 
 
 def _trajectory(
@@ -623,11 +717,12 @@ def _trajectory(
             raise TrajectoryError(f"no trajectory is given; pass --trajectory FILE.csv ({known})")
         choice = next(iter(names))
     if choice in names:
-        motion = names[choice](duration, 1000.0 if rate is None else rate)
+        motion = names[choice](duration, FULL_RATE if rate is None else rate)
         if not ignore_limits:
             motion.check_limits(leg.limits, leg.joint_names, leg.units.joints)
         return motion
-    if not (choice.lower().endswith(".csv") or Path(choice).exists()):
+    # pathlib reads an empty text as the current folder, which exists.
+    if not (choice and (choice.lower().endswith(".csv") or Path(choice).exists())):
         raise TrajectoryError(f"there is neither a trajectory nor a file {choice!r} ({known})")
     if duration is not None or rate is not None:
         raise typer.BadParameter("--duration and --rate go with a named trajectory; a file brings its own times")
@@ -645,7 +740,17 @@ def _preview_motion(
         home = leg.description.home
         pose = np.array([[0.0 if home is None else home.values.get(name, 0.0) for name in leg.joint_names]])
         return Trajectory([0.0], pose, 0.0 * pose, 0.0 * pose, name="home pose")  # type: ignore[arg-type]
-    return _trajectory(leg, choice, duration, 60.0 if rate is None and _is_named(leg, choice) else rate, ignore_limits)
+    motion = _trajectory(
+        leg, choice, duration, PREVIEW_RATE if rate is None and _is_named(leg, choice) else rate, ignore_limits
+    )
+    if len(motion) < MIN_PREVIEW_SAMPLES and _is_named(leg, choice):
+        length = _trajectory(leg, choice, duration, FULL_RATE, ignore_limits).duration
+        raise TrajectoryError(
+            f"{len(motion)} {'samples show' if len(motion) > 1 else 'sample shows'} nothing of how {motion.name!r} "
+            f"moves in {length:g} s: a preview needs at least {MIN_PREVIEW_SAMPLES}, so a --rate of "
+            f"{(MIN_PREVIEW_SAMPLES - 1) / length if length else math.inf:.3g} a second or more, or a longer --duration"
+        )
+    return motion
 
 
 def _is_named(leg: Leg, choice: str | None) -> bool:
@@ -741,6 +846,7 @@ def _summary(leg: Leg, motion: Trajectory, efforts: np.ndarray) -> dict[str, Any
     return {
         "leg": leg.description.name,
         "route": leg.route,
+        "transmission": leg.recipe.transmission,
         "trajectory": motion.name,
         "samples": len(motion),
         "start": float(motion.time[0]),
@@ -777,11 +883,28 @@ def _comparison(first: Leg, second: Leg, efforts: np.ndarray, other: np.ndarray)
 # Output.
 
 
+def _benchmarks() -> Callable[..., int]:
+    """The command of the benchmarks, which a checkout has beside this package and a wheel has not."""
+    import importlib
+
+    root = Path(__file__).resolve().parents[1]
+    if not (root / "benchmarks" / "__main__.py").is_file():
+        raise UnsupportedError(
+            "the benchmarks are not part of the installed package: clone the repository and run `make bench`, or "
+            "leg-dynamics bench, there"
+        )
+    if str(root) not in sys.path:
+        sys.path.insert(0, str(root))
+    main: Callable[..., int] = importlib.import_module("benchmarks.__main__").main
+    return main
+
+
 def _show_summary(result: Mapping[str, Any]) -> None:
     console = _console()
     _say(
         f"{result['leg']} along {result['trajectory']}, {result['start']:g} to {result['end']:g} s, "
         f"{result['samples']} samples, route {result['route']}"
+        + ("" if result["transmission"] == "exact" else f", transmission {result['transmission']}")
     )
     table = _table("", "actuator", "peak", "at", "rms", "unit")
     for row in result["actuators"]:
@@ -857,6 +980,26 @@ def _check_writable(path: Path | None) -> Path | None:
         raise OutputError(f"{path} cannot be written: {error.strerror or error}", path=str(path)) from error
 
 
+def _check_folder(folder: Path, files: Iterable[Path] = ()) -> None:
+    """Refuse a folder that is not one and cannot be made, by what stands in its place, and files that cannot be."""
+    for place in (*reversed(folder.parents), folder):
+        if place.is_dir() or not os.path.lexists(place):
+            continue
+        if place.is_symlink():
+            what = f"a link to {os.readlink(place)}, which is no folder"
+        else:
+            what = next((kind for test, kind in _KINDS if test(place.lstat().st_mode)), "a file")
+        raise OutputError(f"{place} is {what}, but a folder is needed there; move it or name another", path=str(place))
+    for file in files:
+        # What is not there yet comes with its folder.
+        if file.is_dir():
+            raise OutputError(
+                f"{file} is a folder, but a file is written there; move it or name another", path=str(file)
+            )
+        if os.path.lexists(file):
+            _check_writable(file)
+
+
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISLNK, "a loop of symbolic links"),
@@ -871,6 +1014,7 @@ def _output_target(path: Path) -> Path:
     # Only a regular file may be replaced: anything else would be destroyed by it.
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
     place = f"{path}" if target == path else f"{path} (a link to {target})"
+    _check_folder(target.parent)
     if not target.parent.is_dir():
         raise OutputError(f"the folder {target.parent} of {target.name} does not exist; make it first", path=str(path))
     try:

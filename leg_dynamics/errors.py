@@ -37,6 +37,7 @@ __all__ = [
     "TrajectoryError",
     "UnsafeXmlError",
     "UnsupportedError",
+    "WorkspaceError",
 ]
 
 
@@ -139,6 +140,10 @@ class ShapeError(LegDynamicsError, ValueError):
 
 class TrajectoryError(LegDynamicsError, ValueError):
     """A trajectory, or the file that holds it, is not usable."""
+
+
+class WorkspaceError(LegDynamicsError, ValueError):
+    """A leg has no workspace to speak of, or a point that should be in it is not; `margin` says by how much."""
 
 
 class PreviewError(LegDynamicsError, RuntimeError):

@@ -7,12 +7,14 @@ import importlib
 import io
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -439,6 +441,52 @@ def test_torques_out_of_range(monkeypatch, value):
         assert caught.value.rows.tolist() == [3]
 
 
+def test_the_support_force_acts_in_stance_only(tmp_path, monkeypatch):
+    from leg_dynamics.analysis.trajectories import omnileg_eq53_cycle
+
+    file = tmp_path / "torque.csv"
+    gait = ("--trajectory", "eq53", "--duration", "4", "--support-force", "0,0,-44")
+    assert run("torque", "omnileg", *gait, "--rate", "20", "--output", file).code == 0
+    header, rows = table(file)
+    time, force = rows[:, 0], rows[:, header.index("foot_force_x [N]") :]
+    np.testing.assert_array_equal(force, omnileg_eq53_cycle().support_force(time, (0.0, 0.0, -44.0)))
+    swing = (time % 2.0 > 0.01) & (time % 2.0 < 0.99)
+    assert not force[swing].any()
+    assert (force[~swing] == [0.0, 0.0, -44.0]).all()
+    leg = leg_dynamics.load("omnileg")
+    q, v, a, efforts = (rows[:, k : k + 3] for k in (1, 4, 7, 10))
+    np.testing.assert_array_equal(efforts, leg.torque(q, v, a, foot_force=force))
+
+    seen = {}
+    monkeypatch.setattr("leg_dynamics.preview.write_html", lambda *_, **options: seen.update(options))
+    assert run("preview", "omnileg", *gait, "--html", tmp_path / "page.html").code == 0
+    stance = omnileg_eq53_cycle().in_stance(np.arange(241) / 60.0)
+    assert seen["foot_force"].any(axis=1).tolist() == stance.tolist()
+
+
+def test_transmission_models():
+    arguments = ("torque", "omnileg", "--trajectory", "eq53", "--rate", "20")
+    exact, paper, none = (as_json(*arguments, "--transmission", model) for model in ("exact", "paper", "none"))
+    assert as_json(*arguments) == exact
+    assert [result["transmission"] for result in (exact, paper, none)] == ["exact", "paper", "none"]
+    rms = [result["actuators"][0]["rms"] for result in (exact, paper, none)]
+    assert len(set(rms)) == 3
+    assert rms == pytest.approx([rms[0]] * 3, rel=0.01)
+    assert "route closed_form, transmission paper" in run(*arguments, "--transmission", "paper").out
+    assert "transmission" not in run(*arguments).out
+
+
+def test_crosscheck_and_preview_take_the_transmission_model(monkeypatch, tmp_path):
+    report = as_json("crosscheck", "omnileg", "--samples", "5", "--transmission", "none")
+    assert report["passed"]
+    seen = []
+    monkeypatch.setattr("leg_dynamics.preview.write_html", lambda *_, **options: seen.append(options["efforts"]["M2"]))
+    for model in ("exact", "none"):
+        page = ("--html", tmp_path / "page.html", "--transmission", model)
+        assert run("preview", "omnileg", "--duration", "1", *page).code == 0
+    assert 0.0 < np.abs(seen[0] - seen[1]).max() < 0.01 * np.abs(seen[0]).max()
+
+
 def test_the_torque_table_is_a_trajectory(tmp_path):
     first, second = tmp_path / "first.csv", tmp_path / "second.csv"
     arguments = ("torque", "omnileg", "--duration", "1", "--rate", "100", "--foot-force", "0,-20,20")
@@ -511,6 +559,15 @@ def test_bad_csv_is_one_line(tmp_path):
         (("preview", "omnileg", "--html", "no_such_folder/page.html"), "folder no_such_folder"),
         (("info", "omnileg", "--urdf", "no_such.urdf"), "no_such.urdf"),
         (("crosscheck", "no_such_leg"), "no_such_leg"),
+        (("torque", "omnileg", "--trajectory", ""), "neither a trajectory nor a file ''"),
+        (("torque", "omnileg", "--set", "PL_1_ratio=1e300"), "'beta_transmission' felt at its joint"),
+        (("torque", "omnileg", "--set", "M2_gear_ratio=1e200"), "with M2_gear_ratio = 1e+200"),
+        (("torque", "omnileg", "--set", "PL_1_ratio=0"), "with PL_1_ratio = 0"),
+        (("torque", "omnileg", "--transmission", "cardan"), "choose one of exact, paper, none"),
+        (("torque", "omnileg", "--transmission", "none", "--route", "pinocchio"), "a model of the closed form only"),
+        (("torque", "omnileg", *SHORT, "--transmission", "none", "--compare", "pinocchio"), "closed form only"),
+        (("torque", "omnileg", "--support-force", "0,0,-44"), "'eq52' is no gait with a stance"),
+        (("torque", "omnileg", "--trajectory", "eq51", "--support-force", "0,0,-44"), "(gaits of 'omnileg': eq53)"),
     ],
 )
 def test_bad_input_is_one_line(arguments, text):
@@ -525,6 +582,13 @@ def test_bad_input_is_one_line(arguments, text):
         ("--foot-force", "1,2,x"),
         ("--force-window", "0,1"),
         ("--foot-force", "1,2,3", "--force-window", "0"),
+        ("--support-force", "1,2"),
+        ("--support-force", "1,2,1e31"),
+        ("--support-force", "1,2,3", "--foot-force", "1,2,3"),
+        ("--support-force", "1,2,3", "--force-window", "0,1"),
+        ("--output", ""),
+        ("--plot", ""),
+        ("--urdf", ""),
         ("--set", "L1"),
         ("--set", "L1=long"),
         ("--set", "=1"),
@@ -645,6 +709,53 @@ def test_write_protection_of_others_counts_too(tmp_path, monkeypatch):
     assert file.stat().st_mode & 0o777 == 0o600
 
 
+def test_an_empty_output_is_not_the_current_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for arguments in (
+        ("reproduce", "omnileg", "--output"),
+        ("demo", "--output"),
+        ("render", "omnileg", "--output"),
+        ("preview", "omnileg", "--html"),
+    ):
+        result = run(*arguments, "")
+        assert (result.code, result.out) == (2, "")
+        assert "the path is empty" in result.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_stands_where_a_folder_is_needed_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(cli, "_load", None)
+    monkeypatch.setattr("leg_dynamics.papers.find", None)
+    folder, plots = tmp_path / "out", tmp_path / "out" / "plots"
+    folder.mkdir()
+    plots.touch()
+    assert f"{plots} is a file, but a folder is needed there" in refused("reproduce", "omnileg", "--output", folder)
+    plots.unlink()
+    plots.symlink_to("nowhere")
+    assert f"{plots} is a link to nowhere, which is no folder" in refused("reproduce", "omnileg", "--output", folder)
+    assert f"{plots} is a link to nowhere" in refused("demo", "--output", plots)
+    assert f"{plots} is a link to nowhere" in refused("torque", "omnileg", "--output", plots / "deeper" / "torque.csv")
+    plots.unlink()
+    (folder / "index.html").mkdir()
+    assert "index.html is a folder, but a file is written" in refused("reproduce", "omnileg", "--output", folder)
+    assert sorted(path.name for path in folder.iterdir()) == ["index.html"]
+
+
+def test_no_file_of_a_reproduction_is_written_where_one_cannot_be(tmp_path, monkeypatch):
+    class Paper:
+        plots = (SimpleNamespace(name="fig9"),)
+
+        def reproduce(self, progress):
+            return self
+
+        def write(self, folder, progress):
+            raise AssertionError("written")
+
+    monkeypatch.setattr("leg_dynamics.papers.find", lambda name: Paper())
+    (tmp_path / "plots" / "fig9.png").mkdir(parents=True)
+    assert "fig9.png is a folder, but a file is written there" in refused("reproduce", "omnileg", "--output", tmp_path)
+
+
 def test_an_impossible_file_name_is_one_line(tmp_path):
     assert "name too long" in refused("render", "omnileg", "--output", tmp_path / ("a" * 300))
     assert "name too long" in refused("torque", "omnileg", "--trajectory", "a" * 300)
@@ -762,6 +873,21 @@ def test_preview_refuses_a_force_without_sense(tmp_path):
     assert not (tmp_path / "page.html").exists()
 
 
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("--rate", "0.1"), "1 sample shows nothing of how 'eq52' moves in 2 s"),
+        (("--rate", "2"), "5 samples show nothing.* a --rate of 2.5 a second"),
+        (("--trajectory", "eq53", "--duration", "0.001"), "1 sample shows .* in 0.001 s.* longer --duration"),
+    ],
+)
+def test_a_preview_of_too_few_samples_is_refused(tmp_path, arguments, text):
+    page = tmp_path / "page.html"
+    assert re.search(text, refused("preview", "omnileg", "--html", page, *arguments))
+    assert not page.exists()
+    assert run("preview", "omnileg", "--html", page, "--rate", "2.5").code == 0
+
+
 def test_preview_of_a_leg_without_trajectories_is_a_still(monkeypatch, tmp_path):
     file = tmp_path / "pendulum.urdf"
     file.write_text(PENDULUM, encoding="utf-8")
@@ -811,7 +937,9 @@ def test_demo_fails_with_the_crosscheck_but_still_writes(quick_demo, tmp_path):
 
 def test_demo_folder_cannot_be_a_file(tmp_path):
     (tmp_path / "demo").touch()
-    assert "cannot be made" in refused("demo", "--output", tmp_path / "demo")
+    assert f"{tmp_path / 'demo'} is a file, but a folder is needed there" in refused(
+        "demo", "--output", tmp_path / "demo"
+    )
 
 
 def test_progress_is_shown_on_a_terminal_only(monkeypatch):

@@ -45,6 +45,7 @@ BUILTIN = {
     "TrajectoryError": ValueError,
     "UnsafeXmlError": ValueError,
     "UnsupportedError": NotImplementedError,
+    "WorkspaceError": ValueError,
 }
 
 

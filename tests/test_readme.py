@@ -1,4 +1,4 @@
-"""The README's example runs and prints what its comments promise."""
+"""The README's examples run and print what their comments promise."""
 
 from __future__ import annotations
 
@@ -10,8 +10,12 @@ from pathlib import Path
 README = Path(__file__).parents[1] / "README.md"
 
 
-def test_the_example_prints_what_its_comments_say() -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+EXAMPLES = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+
+
+def test_the_examples_print_what_their_comments_say() -> None:
+    # Each goes on from the one before.
+    code = "".join(EXAMPLES)
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         exec(compile(code, str(README), "exec"), {"__name__": "example"})
@@ -19,9 +23,10 @@ def test_the_example_prints_what_its_comments_say() -> None:
     assert printed.getvalue().splitlines() == promised
 
 
-def test_the_example_has_ten_lines() -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
-    assert len([line for line in code.splitlines() if line.strip()]) <= 10
+def test_the_examples_have_ten_lines() -> None:
+    assert len(EXAMPLES) == 2
+    for code in EXAMPLES:
+        assert len([line for line in code.splitlines() if line.strip()]) <= 10
 
 
 def test_the_picture_exists() -> None:

@@ -145,19 +145,20 @@ def _colour(k: int) -> str:
 
 
 def _shade_force(axis: Axes, trajectory: Trajectory) -> None:
-    """Shade the span from the first to the last sample with a force on the foot."""
+    """Shade each span of samples with a force on the foot: a gait has one a stance."""
     if trajectory.foot_force is None:
         return
     acting = np.flatnonzero(trajectory.foot_force.any(axis=1))
     if acting.size and acting.size < len(trajectory):
-        axis.axvspan(
-            trajectory.time[acting[0]],
-            trajectory.time[acting[-1]],
-            color="0.5",
-            alpha=0.12,
-            linewidth=0.0,
-            label="force on foot",
-        )
+        for number, run in enumerate(np.split(acting, np.flatnonzero(np.diff(acting) > 1) + 1)):
+            axis.axvspan(
+                trajectory.time[run[0]],
+                trajectory.time[run[-1]],
+                color="0.5",
+                alpha=0.12,
+                linewidth=0.0,
+                label="" if number else "force on foot",
+            )
 
 
 def _joined(units: Sequence[str]) -> str:

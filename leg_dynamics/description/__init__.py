@@ -2,6 +2,8 @@
 
 from leg_dynamics.description.frames import link_transforms
 from leg_dynamics.description.model import (
+    Clearance,
+    Cone,
     Configuration,
     Coupling,
     Description,
@@ -16,6 +18,8 @@ from leg_dynamics.description.model import (
     Mimic,
     Parameter,
     Pose,
+    Segment,
+    Telescope,
     Transmission,
     Visual,
 )
@@ -31,6 +35,8 @@ from leg_dynamics.description.topology import (
 )
 
 __all__ = [
+    "Clearance",
+    "Cone",
     "Configuration",
     "Coupling",
     "Description",
@@ -45,6 +51,8 @@ __all__ = [
     "Mimic",
     "Parameter",
     "Pose",
+    "Segment",
+    "Telescope",
     "Transmission",
     "Visual",
     "actuated_joints",

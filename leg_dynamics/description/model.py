@@ -14,6 +14,8 @@ import numpy as np
 from leg_dynamics.errors import DescriptionError
 
 __all__ = [
+    "Clearance",
+    "Cone",
     "Configuration",
     "Coupling",
     "Description",
@@ -28,6 +30,8 @@ __all__ = [
     "Mimic",
     "Parameter",
     "Pose",
+    "Segment",
+    "Telescope",
     "Transmission",
     "Visual",
 ]
@@ -266,6 +270,54 @@ class Equation:
 
 
 @dataclass(frozen=True, slots=True)
+class Cone:
+    """The angle between unit `axis`, fixed on `link`, and unit `other_axis`, fixed on `other_link`, is at most `upper`.
+
+    Each axis is in its link's frame; `upper` in rad.
+    """
+
+    name: str
+    link: str
+    axis: Vector3
+    other_link: str
+    other_axis: Vector3
+    upper: float
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Telescope:
+    """Tubes of a prismatic joint, lengths in m: sleeve + rod - joint coordinate is at least `overlap`."""
+
+    joint: str
+    sleeve: float
+    rod: float
+    overlap: float
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A capsule fixed on a link: all points within `radius` of a line from `start` to `end`, in the link's frame, m."""
+
+    link: str
+    start: Vector3
+    end: Vector3
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """Two capsules on two links stay at least `minimum` apart, m, between their surfaces."""
+
+    name: str
+    first: Segment
+    second: Segment
+    minimum: float
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Parameter:
     """A named design parameter: its value, unit, and where the number comes from."""
 
@@ -296,6 +348,9 @@ class Description:
     file: str = "<string>"
     source: str | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    cones: tuple[Cone, ...] = ()
+    telescopes: tuple[Telescope, ...] = ()
+    clearances: tuple[Clearance, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", _read_only(self.parameters))

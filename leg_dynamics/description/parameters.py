@@ -13,7 +13,15 @@ from leg_dynamics.description.model import Parameter
 from leg_dynamics.description.xml_reader import Document, Node, nearest, read_root
 from leg_dynamics.errors import ParameterError, RenderError
 
-__all__ = ["Overrides", "declared_arguments", "load_parameters", "parameters_file", "parameters_of", "read_text"]
+__all__ = [
+    "Overrides",
+    "declared_arguments",
+    "load_parameters",
+    "parameters_file",
+    "parameters_of",
+    "read_text",
+    "shown_overrides",
+]
 
 _ARGUMENT = "parameters"  # the xacro argument that names the YAML file
 
@@ -246,6 +254,11 @@ class Overrides:
         copy = folder / self.file.name
         copy.write_text(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), encoding="utf-8")
         return copy
+
+
+def shown_overrides(values: Mapping[str, float] | None) -> str:
+    """Say which values a caller gave, for messages on what came of them: `` with L1 = 0.2``, or nothing."""
+    return f" with {', '.join(f'{name} = {value:.12g}' for name, value in values.items())}" if values else ""
 
 
 def parameters_of(path: Path, values: Mapping[str, float] | None) -> dict[str, Parameter]:

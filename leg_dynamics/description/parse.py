@@ -9,9 +9,12 @@ from contextlib import contextmanager
 from types import MappingProxyType
 from typing import TypeVar
 
+from leg_dynamics.description.constraints import CONSTRAINT_TAGS, read_clearance, read_cone, read_telescopes
 from leg_dynamics.description.model import (
     JOINT_TYPES,
     LOOP_TYPES,
+    Clearance,
+    Cone,
     Configuration,
     Coupling,
     Description,
@@ -34,7 +37,9 @@ from leg_dynamics.description.xml_reader import Document, Node, nearest, read_ro
 
 __all__ = ["build", "parse"]
 
-_READ_TAGS = frozenset({"link", "joint", "loop", "coupling", "transmission", "configuration", "material"})
+_READ_TAGS = frozenset(
+    {"link", "joint", "loop", "coupling", "transmission", "configuration", "material", *CONSTRAINT_TAGS}
+)
 # Other programs' extensions, which say nothing about the mechanism.
 _FOREIGN_TAGS = frozenset({"gazebo", "sensor", "ros2_control", "mujoco", "drake", "group", "group_state", "version"})
 _LOOPS_WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
@@ -43,7 +48,7 @@ _ORIGIN = (0.0, 0.0, 0.0)
 _SHORTEST_AXIS = 1e-9
 
 Colour = tuple[float, float, float, float]
-_Named = TypeVar("_Named", Link, Joint, Loop, Coupling, Transmission, Configuration)
+_Named = TypeVar("_Named", Link, Joint, Loop, Coupling, Transmission, Configuration, Cone, Clearance)
 
 
 def parse(text: str, *, file: str = "<string>") -> Description:
@@ -52,8 +57,8 @@ def parse(text: str, *, file: str = "<string>") -> Description:
     Parameters
     ----------
     text : str
-        The XML document: plain URDF, or URDF with ``<loop>``, ``<coupling>``, ``<configuration>`` and the
-        ``independent`` flag.
+        The XML document: plain URDF, or URDF with ``<loop>``, ``<coupling>``, ``<configuration>``, the
+        ``independent`` flag, and the constraints ``<cone>``, ``<telescope>`` and ``<clearance>``.
     file : str
         What errors call it.
 
@@ -130,6 +135,9 @@ def _build(text: str, document: Document, parameters: Mapping[str, Parameter]) -
     couplings = _unique(elements["coupling"], lambda node: _coupling(node, links))
     transmissions = _unique(elements["transmission"], lambda node: _transmission(node, joints))
     configurations = _unique(elements["configuration"], lambda node: _configuration(node, joints))
+    cones = _unique(elements["cone"], lambda node: read_cone(node, links))
+    telescopes = read_telescopes(elements["telescope"], joints)
+    clearances = _unique(elements["clearance"], lambda node: read_clearance(node, links))
     return Description(
         name=root.required("name"),
         links=tuple(links.values()),
@@ -142,6 +150,9 @@ def _build(text: str, document: Document, parameters: Mapping[str, Parameter]) -
         file=document.file,
         source=document.source,
         parameters=parameters,
+        cones=tuple(cones.values()),
+        telescopes=telescopes,
+        clearances=tuple(clearances.values()),
     )
 
 
@@ -403,7 +414,7 @@ def _transmission(node: Node, joints: Mapping[str, Joint]) -> Transmission:
     actuator = node.at_most_one("actuator")
     reduction = _text_number(node, actuator, "mechanicalReduction", 1.0)
     if reduction == 0.0:
-        raise node.error(f"mechanicalReduction of {node.label} is zero")
+        raise node.error(f"mechanicalReduction of {node.label} is zero; give the motor turns a joint turn")
     rotor_inertia = _text_number(node, actuator, "rotorInertia", 0.0)
     if rotor_inertia < 0.0:
         raise node.error(f"negative rotorInertia {rotor_inertia:g} kg·m² of {node.label}")

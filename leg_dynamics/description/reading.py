@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from leg_dynamics.description.model import Description, Parameter
-from leg_dynamics.description.parameters import parameters_of
+from leg_dynamics.description.parameters import parameters_of, shown_overrides
 from leg_dynamics.description.parse import build
 from leg_dynamics.description.render import read_text, render, rendered_name
 from leg_dynamics.description.shipped import existing_file, shipped_urdf, shipped_xacro
@@ -53,7 +53,8 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
         path = shipped_xacro(name)
     if path.name.endswith(".xacro"):
         text = render(path, parameters)
-        return build(text, Document(rendered_name(path), source=str(path)), parameters_of(path, parameters))
+        document = Document(rendered_name(path), source=str(path), overrides=shown_overrides(parameters))
+        return build(text, document, parameters_of(path, parameters))
     _refuse_parameters(parameters, f"the plain file {path}")
     document = Document(str(path))
     return build(read_text(path, document), document)

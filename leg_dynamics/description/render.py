@@ -16,7 +16,7 @@ from typing import Any
 from xml.dom import minidom
 from xml.parsers.expat import ErrorString, ExpatError
 
-from leg_dynamics.description.parameters import Overrides, read_text
+from leg_dynamics.description.parameters import Overrides, read_text, shown_overrides
 from leg_dynamics.description.shipped import existing_file, shipped_xacro
 from leg_dynamics.errors import LegDynamicsWarning, RenderError
 
@@ -85,7 +85,7 @@ def render(source: str | os.PathLike[str], parameters: Mapping[str, float] | Non
     with tempfile.TemporaryDirectory() as folder:
         if overrides.in_yaml:
             arguments["parameters"] = str(overrides.write_yaml(Path(folder)))
-        document, messages = _process(path, arguments)
+        document, messages = _process(path, arguments, shown_overrides(parameters))
     for message in messages:
         warnings.warn(f"{path}: xacro: {message}", LegDynamicsWarning, stacklevel=2)
     return _to_text(document, path.name)
@@ -102,7 +102,7 @@ def _xacro_path(source: str | os.PathLike[str]) -> Path:
     return path
 
 
-def _process(path: Path, arguments: dict[str, str]) -> tuple[minidom.Document, list[str]]:
+def _process(path: Path, arguments: dict[str, str], given: str) -> tuple[minidom.Document, list[str]]:
     """Run xacro: the rendered document and xacro's warnings."""
     import xacro
 
@@ -110,7 +110,7 @@ def _process(path: Path, arguments: dict[str, str]) -> tuple[minidom.Document, l
         try:
             document = xacro.process_file(os.path.abspath(path), mappings=arguments, verbosity=0)
         except Exception as error:  # any Python exception can come out of an expression
-            raise _render_error(error, path, xacro.filestack) from error
+            raise _render_error(error, path, xacro.filestack, given) from error
         finally:
             xacro.filestack = xacro.macrostack = None
             xacro.substitution_args_context.clear()
@@ -136,7 +136,7 @@ def _quiet(xacro: Any) -> Iterator[io.StringIO]:
             module.sys = original
 
 
-def _render_error(error: Exception, path: Path, filestack: list[str] | None) -> RenderError:
+def _render_error(error: Exception, path: Path, filestack: list[str] | None, given: str) -> RenderError:
     """A RenderError at the innermost file that xacro was in."""
     file = str(filestack[-1] if filestack else path)
     line = None
@@ -156,6 +156,8 @@ def _render_error(error: Exception, path: Path, filestack: list[str] | None) -> 
         message += f" (in macro {', '.join(macros)})"
     if os.path.abspath(file) != os.path.abspath(path):
         message += f" (included from {path})"
+    if given:
+        message += f" (rendered{given})"
     return RenderError(f"xacro failed: {message}", file=file, line=line, source=str(path))
 
 

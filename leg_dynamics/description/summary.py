@@ -51,6 +51,13 @@ def summarize(description: Description) -> str:
         "couplings": _joined(
             f"{each.name} ({each.successor} = {each.ratio:g} {each.predecessor})" for each in description.couplings
         ),
+        "constraints": _joined(
+            [
+                *(f"cone {each.name} ({each.link} - {each.other_link})" for each in description.cones),
+                *(f"telescope {each.joint}" for each in description.telescopes),
+                *(f"clearance {each.name} ({each.first.link} - {each.second.link})" for each in description.clearances),
+            ]
+        ),
         "configurations": _joined(each.name for each in description.configurations),
         "parameters": _parameters(description),
     }

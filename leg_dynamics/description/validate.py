@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from leg_dynamics.description.model import Description, Joint, Link
@@ -136,7 +138,7 @@ def check_couplings(description: Description, document: Document) -> None:
 
 
 def check_transmissions(description: Description, document: Document) -> None:
-    """No joint is driven twice and no actuator drives twice."""
+    """No joint is driven twice, no actuator drives twice, and the rotor felt at the joint is a finite number."""
     by_joint: dict[str, str] = {}
     by_actuator: dict[str, str] = {}
     for each in description.transmissions:
@@ -146,6 +148,15 @@ def check_transmissions(description: Description, document: Document) -> None:
                     f"{kind} {name!r} has two transmissions, {owners[name]!r} and {each.name!r}", each.line
                 )
             owners[name] = each.name
+        # The bare square too: the routes take it before they know the rotor's inertia. A power would raise.
+        square = each.reduction * each.reduction
+        if not (math.isfinite(square) and math.isfinite(square * each.rotor_inertia)):
+            raise document.error(
+                f"the rotor of transmission {each.name!r} felt at its joint, mechanicalReduction {each.reduction:g} "
+                f"squared times rotorInertia {each.rotor_inertia:g} kg·m², is too large for a floating-point number: "
+                "check the gear ratio (motor turns a joint turn) and the inertia",
+                each.line,
+            )
 
 
 def warn_about_inertia(description: Description, document: Document) -> None:

@@ -31,9 +31,11 @@ class Document:
     file: str = "<string>"
     source: str | None = None
     kind: type[DescriptionError] = DescriptionError
+    overrides: str = ""
+    """The parameter values that a caller gave, as `shown_overrides` says them."""
 
     def _suffix(self) -> str:
-        return f" (rendered from {self.source})" if self.source else ""
+        return f" (rendered from {self.source}{self.overrides})" if self.source else ""
 
     def error(
         self, message: str, line: int | None = None, *, kind: type[DescriptionError] | None = None

@@ -57,6 +57,10 @@ def test_force_window_is_shaded_only_where_it_ends():
     assert shaded(MOTION) == 0
     assert shaded(MOTION.with_foot_force((0.0, 0.0, 1.0))) == 0
     assert shaded(MOTION.with_foot_force((0.0, 0.0, 1.0), 0.0, 1.0)) == 1
+    # A gait's force comes and goes: each stance is a span of its own.
+    force = np.zeros((len(MOTION), 3))
+    force[:2, 2] = force[4:6, 2] = 1.0
+    assert shaded(MOTION.with_foot_force(force)) == 2
 
 
 def test_mixed_units_are_all_named():

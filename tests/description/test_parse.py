@@ -243,6 +243,13 @@ BROKEN: dict[str, tuple[str, str, str, str | tuple[int]]] = {
     "actuated fixed": ('<joint name="shoulder"><hard', '<joint name="mount"><hard', "is fixed", 'mount"><hard'),
     "reduction": ("        50\n", "        fifty\n", "not decimal", "<mechanicalReduction>"),
     "reduction zero": ("        50\n", "        0\n", "'drive' is zero", "drive"),
+    "reduction squared": (
+        "        50\n",
+        "        -1e200\n",
+        "'drive' felt.*check the gear ratio",
+        "drive",
+    ),
+    "reduction and rotor": ("1e-5", "1e306", "'drive' felt at its joint.*rotorInertia 1e\\+306", "drive"),
     "reduction empty": ("        50\n", "\n", "1 number, got 0", "<mechanicalReduction>"),
     "rotor inertia": ("1e-5", "-1e-5", "negative rotorInertia", "drive"),
     "actuator unnamed": ('actuator name="M1"', "actuator", "<actuator> has no name", "<actuator>"),

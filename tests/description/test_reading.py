@@ -165,3 +165,20 @@ def test_the_same_file_in_two_places_is_the_same_mechanism(tmp_path: Path) -> No
     other = Path(shutil.copy(path, tmp_path / "other.urdf"))
     assert read(path) == read(other)
     assert len({read(path), read(other), read(URDF.format("mine"))}) == 1
+
+
+@pytest.mark.parametrize(
+    ("parameters", "text"),
+    [
+        ({"PL_1_ratio": 0}, "mechanicalReduction of .*'beta_transmission' is zero.* with PL_1_ratio = 0"),
+        (
+            {"PL_1_ratio": 1e300, "L1": 0.2},
+            "'beta_transmission' felt at its joint.* with PL_1_ratio = 1e\\+300, L1 = 0.2",
+        ),
+        ({"M3_gear_ratio": 1e200}, "'gamma_transmission' felt at its joint.* with M3_gear_ratio = 1e\\+200"),
+        ({"M1_rotor_inertia": 1e300, "M1_gear_ratio": 1e10}, "rotorInertia 1e\\+300 .*M1_gear_ratio = 10000000000"),
+    ],
+)
+def test_what_parameters_make_impossible_names_them(parameters: dict[str, float], text: str) -> None:
+    with pytest.raises(DescriptionError, match=text):
+        read("omnileg", parameters=parameters)
