@@ -1,6 +1,6 @@
-"""What is timed: one `Case` a line of the report, each with its arguments and an independent answer to them.
+"""What a case is, and the workload it is prepared from; `blocks` lists the cases.
 
-A new peer is a function that takes a `Workload` and returns a `Work`, plus a line in `all_cases`.
+A new peer is a function that takes a `Workload` and returns a `Work`, plus a line in `blocks`.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from leg_dynamics.analysis.trajectories import named
 from leg_dynamics.routes import has_closed_form
 from leg_dynamics.verification.states import sample_states
 
-SINGLE = "inverse dynamics, one call"
-FORWARD = "forward dynamics, one call"
-BATCH = "inverse dynamics, batch"
-GROUPS = (SINGLE, FORWARD, BATCH)
 YARDSTICK = "pin_rnea"
+
+
+class NotAvailableError(Exception):
+    """A contender is not there on this machine; the message is the reason."""
 
 
 def _as_is(result: Any, index: int) -> Any:
@@ -32,7 +32,8 @@ def _as_is(result: Any, index: int) -> Any:
 class Work:
     """A case made ready: `function(*arguments[i])` is checked for every i and timed over the first `period` of them.
 
-    `answer` turns a result into what `expected[i]` says, shape (m,) or (rows, m); it is not timed.
+    `answer` turns a result into what `expected[i]` says, shape (m,) or (rows, m); it is not timed. `note` is what a
+    reader must know to judge the time.
     """
 
     function: Callable[..., Any]
@@ -40,40 +41,107 @@ class Work:
     expected: np.ndarray | Sequence[np.ndarray]
     period: int
     answer: Callable[[Any, int], Any] = _as_is
+    note: str | None = None
 
 
 @dataclass(frozen=True)
 class Case:
     """One line of the report.
 
-    `peer` marks what is shown for comparison and may fail without failing the run; `goal` is the largest ratio to the
-    yardstick that the project allows itself.
+    `peer` marks what is shown for comparison and may fail without failing the run. `contender` names the curve that a
+    batch case belongs to.
     """
 
     key: str
-    group: str
     title: str
-    prepare: Callable[[Workload], Work]
+    prepare: Callable[[Any], Work]
     rows: int = 1
     peer: bool = False
-    goal: float | None = None
+    contender: str | None = None
+
+
+@dataclass(frozen=True)
+class Block:
+    """Cases that are timed in turns with each other and with the yardstick.
+
+    Attributes
+    ----------
+    key, title : str
+    subject : callable
+        Makes what the cases are prepared from, `prepare(subject)`.
+    cases : tuple of Case
+        The first one is the yardstick where its key ends in `YARDSTICK`.
+    limit : str or None
+        Key of the case that is the hardware's limit for the others.
+    per_row : bool
+        Whether times are given in ns a row, not in µs a call.
+    share : float
+        Share of the settings' repetitions.
+    chart : str
+        Figure that the block is drawn in.
+    """
+
+    key: str
+    title: str
+    subject: Callable[[], Any]
+    cases: tuple[Case, ...]
+    limit: str | None = None
+    per_row: bool = False
+    share: float = 1.0
+    chart: str = ""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured."""
+    """How much is measured.
+
+    Attributes
+    ----------
+    repetitions : int
+        Rounds; each visits every case of a block once.
+    minimum_ns : int
+        Least length of one measurement.
+    rate : float
+        Samples a second of the trajectory.
+    states, method_states : int
+        Random states that torques and other methods are checked at.
+    batch_rows : tuple of int
+    row_limit, slow_limit : int
+        Largest batches of what goes row by row in C++ and in NumPy.
+    loops : tuple of int
+        Four-bar loops of the generated chains.
+    thread_rows : int
+        Rows of the comparison of one and two threads, and of the memory a row.
+    processes : int
+        Fresh processes for each figure of a cold start.
+    seed : int
+    """
 
     repetitions: int = 25
-    minimum_ns: int = 20_000_000
+    minimum_ns: int = 5_000_000
     rate: float = 1000.0
-    states: int = 64
-    batch_rows: tuple[int, ...] = (1, 100, 10_000)
-    row_limit: int = 2_000
+    states: int = 1000
+    method_states: int = 256
+    batch_rows: tuple[int, ...] = (1, 10, 100, 1_000, 10_000, 100_000, 1_000_000)
+    row_limit: int = 1_000
+    slow_limit: int = 100
+    loops: tuple[int, ...] = (1, 2, 4, 8, 16)
+    thread_rows: int = 1_000_000
+    processes: int = 5
     seed: int = 0
 
 
 FULL = Settings()
-QUICK = Settings(repetitions=7, batch_rows=(1, 100, 1_000))
+QUICK = Settings(
+    repetitions=5,
+    minimum_ns=2_000_000,
+    method_states=32,
+    rate=250.0,
+    batch_rows=(1, 100, 10_000, 100_000),
+    loops=(1, 2),
+    thread_rows=300_000,
+    processes=1,
+)
 
 
 def available_legs() -> tuple[str, ...]:
@@ -81,17 +149,47 @@ def available_legs() -> tuple[str, ...]:
     return tuple(name for name in ld.available() if has_closed_form(name) and named(name))
 
 
+def load_symbolic(source: str, **options: Any) -> ld.Leg:
+    """Load by the symbolic route.
+
+    Raises
+    ------
+    NotAvailableError
+        The route is missing, or does not serve this file.
+    """
+    try:
+        return ld.load(source, route="symbolic", **options)
+    except Exception as problem:
+        raise NotAvailableError(f"route symbolic: {type(problem).__name__}: {problem}") from problem
+
+
+def closure_of(leg: ld.Leg) -> str:
+    """How a leg of the symbolic route closes its loops in ``torque``: ``explicit`` formulas, or ``Newton`` steps.
+
+    Where the route finds an explicit solution it iterates nothing: that is another amount of work than a solver's.
+    """
+    try:
+        return "Newton" if leg.backend._kernel("torque").solves else "explicit"  # type: ignore[attr-defined]
+    except AttributeError:
+        return "unknown"
+
+
 class Workload:
-    """A leg by its two routes, the states that it is measured at, and the answers of the one for the other."""
+    """A leg by its routes, the states that it is measured at, and the answers of one route for the others."""
 
     def __init__(self, leg: str, settings: Settings) -> None:
         self.name = leg
         self.settings = settings
         self._known: dict[tuple[str, str, bool], np.ndarray] = {}
+        self._batches: dict[int, tuple[tuple[np.ndarray, ...], np.ndarray]] = {}
 
     @cached_property
     def closed_form(self) -> ld.Leg:
-        return ld.load(self.name, route="closed_form")
+        return ld.load(self.name, route="closed_form", threads=1)
+
+    @cached_property
+    def symbolic(self) -> ld.Leg:
+        return load_symbolic(self.name, threads=1)
 
     def pinocchio(self) -> ld.Leg:
         """A leg of the numeric route whose warm start nobody else disturbs."""
@@ -114,6 +212,11 @@ class Workload:
         return tuple(np.vstack([x, rest]) for x, rest in zip(first, (sampled.q, sampled.v, sampled.a), strict=True))
 
     @cached_property
+    def forces(self) -> np.ndarray:
+        """Foot forces at `states`, N."""
+        return np.random.default_rng(self.settings.seed + 1).uniform(-50.0, 50.0, (len(self.states[0]), 3))
+
+    @cached_property
     def trajectory(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, v, a of the leg's own motion there and, reversed in time, back: it can be repeated without a jump."""
         default = next(iter(named(self.name).values()))
@@ -126,7 +229,7 @@ class Workload:
         )
 
     def torques(self, where: str, other: bool) -> np.ndarray:
-        """Torques at `states` or along `trajectory` by the closed form, or by the other route for the closed form."""
+        """Torques at `states` or along `trajectory` by the closed form, or, with `other`, by the pinocchio route."""
         return self._answers("torque", where, other)
 
     def accelerations(self, other: bool) -> np.ndarray:
@@ -149,231 +252,50 @@ class Workload:
         names = self.reference.backend.tree_joint_names
         return list(np.ascontiguousarray(np.stack([joints[name] for name in names], axis=-1)))
 
-    def at_states(self, function: Callable[..., Any], *columns: Any, other: bool = False) -> Work:
-        """Timed at the first state, checked at all of them."""
-        arguments = list(zip(*(columns or self.states), strict=True))
-        return Work(function, arguments, self.torques("states", other), period=1)
+    @cached_property
+    def tree_motion(self) -> list[tuple[np.ndarray, ...]]:
+        """For each of `states` the closed tree motion by the numeric route: q, G, g (drift), qd, qdd."""
+        mechanism = self.mechanism()
+        motion = []
+        for q, v, a in zip(*self.states, strict=True):
+            state = mechanism.close(q)
+            qd = state.G @ v
+            drift = mechanism.bias_acceleration(state, qd)
+            motion.append((state.q, state.G, drift, qd, state.G @ a + drift))
+        return motion
 
-    def along(self, function: Callable[..., Any], other: bool = False) -> Work:
+    # ------------------------------------------------------------------ works
+
+    def at_states(self, function: Callable[..., Any], *columns: Any, **more: Any) -> Work:
+        """Timed at the first state, checked at all of them against the pinocchio route."""
+        arguments = list(zip(*(columns or self.states), strict=True))
+        return Work(function, arguments, self.torques("states", other=True), period=1, **more)
+
+    def along(self, function: Callable[..., Any], other: bool = True) -> Work:
         """Timed and checked along the whole motion, each call a new q."""
         arguments = list(zip(*self.trajectory, strict=True))
         return Work(function, arguments, self.torques("trajectory", other), period=len(arguments))
 
-    def forward(self, function: Callable[..., Any], poses: Any, other: bool = False) -> Work:
-        """`function(pose, v, torque)`, an acceleration, with one of `poses` for each state."""
-        arguments = list(zip(poses, self.states[1], self.torques("states", other=False), strict=True))
-        return Work(function, arguments, self.accelerations(other), period=1)
+    def forward(self, function: Callable[..., Any], poses: Any, other: bool = True) -> Work:
+        """`function(pose, v, torque)`, an acceleration, with one of `poses` for each of the first states."""
+        count = self.settings.method_states
+        columns = poses, self.states[1], self.torques("states", other=False)
+        arguments = list(zip(*(column[:count] for column in columns), strict=True))
+        return Work(function, arguments, self.accelerations(other)[:count], period=1)
 
-    def batch(self, leg: ld.Leg, rows: int, other: bool = False) -> Work:
-        """One call on `rows` rows: the motion, repeated or cut to that length."""
-        index = np.arange(rows) % len(self.trajectory[0])
-        arguments = tuple(column[index] for column in self.trajectory)
-        return Work(leg.torque, [arguments], [self.torques("trajectory", other)[index]], period=1)
+    def rows(self, count: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+        """q, v, a of a batch, `states` repeated or cut to that length, and their torques by the pinocchio route."""
+        if count not in self._batches:
+            index = np.arange(count) % len(self.states[0])
+            torque = self.torques("states", other=True)
+            self._batches[count] = tuple(column[index] for column in self.states), torque[index]
+        return self._batches[count]
 
-    def random_batch(self, leg: ld.Leg) -> Work:
-        """One call on the rows of `states`: neighbours have nothing in common."""
-        return Work(leg.torque, [self.states], [self.torques("states", other=False)], period=1)
+    def batch(self, function: Callable[..., Any], rows: int, **more: Any) -> Work:
+        """One call on `rows` rows that have nothing in common with their neighbours."""
+        arguments, expected = self.rows(rows)
+        return Work(function, [arguments], [expected], period=1, **more)
 
-
-# ---------------------------------------------------------------------- one call
-
-
-def rnea(workload: Workload) -> Work:
-    """The yardstick; its answer is checked after projection onto the closed motion."""
-    import pinocchio as pin
-
-    mechanism = workload.mechanism()
-    model = mechanism.tree.model.copy()
-    data = model.createData()
-    arguments, projections = [], []
-    for q, v, a in zip(*workload.states, strict=True):
-        state = mechanism.close(q)
-        qd = state.G @ v
-        arguments.append((model, data, state.q, qd, state.G @ a + mechanism.bias_acceleration(state, qd)))
-        projections.append(state.G)
-    return Work(
-        pin.rnea,
-        arguments,
-        workload.torques("states", other=False),
-        period=1,
-        answer=lambda result, index: projections[index].T @ result,
-    )
-
-
-def mechanism_closed(workload: Workload) -> Work:
-    mechanism = workload.mechanism()
-
-    def torque(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        # The three steps of `Mechanism.close` without the search for q.
-        state = mechanism.state_of(q)
-        return mechanism.actuator_effort(state, mechanism.generalized_force(state, v, a))
-
-    return workload.at_states(torque, workload.tree_coordinates, *workload.states[1:])
-
-
-def mechanism_trajectory(workload: Workload) -> Work:
-    mechanism = workload.mechanism()
-
-    def torque(y: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        state = mechanism.close(y)
-        return mechanism.actuator_effort(state, mechanism.generalized_force(state, v, a))
-
-    return workload.along(torque)
-
-
-def naive_closed(workload: Workload) -> Work:
-    from benchmarks.naive import Naive
-
-    return workload.at_states(
-        Naive(workload.closed_form.description).torque, workload.tree_coordinates, *workload.states[1:]
-    )
-
-
-def naive_trajectory(workload: Workload) -> Work:
-    from benchmarks.naive import Naive
-
-    return workload.along(Naive(workload.closed_form.description).torque_with_newton)
-
-
-# ---------------------------------------------------------------------- forward dynamics
-
-
-def projected(workload: Workload) -> Work:
-    mechanism = workload.mechanism()
-
-    def acceleration(q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        state = mechanism.state_of(q)
-        return mechanism.acceleration(state, v, tau)
-
-    return workload.forward(acceleration, workload.tree_coordinates)
-
-
-def constrained(algorithm: str) -> Callable[[Workload], Work]:
-    """Pinocchio's own constrained dynamics on closed states: q and qd are given, nothing is factorised for it."""
-
-    def prepare(workload: Workload) -> Work:
-        from leg_dynamics.mechanism.constrained import ConstrainedDynamics
-
-        mechanism = workload.mechanism()
-        dynamics = ConstrainedDynamics(mechanism)
-        closed = [mechanism.close(q) for q in workload.states[0]]
-
-        def acceleration(state: Any, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-            return dynamics.acceleration(state, v, tau, algorithm=algorithm)
-
-        return workload.forward(acceleration, closed)
-
-    return prepare
-
-
-# ---------------------------------------------------------------------- the list
-
-
-def all_cases(settings: Settings) -> tuple[Case, ...]:
-    """Every case, the yardstick first."""
-    single = [
-        Case(YARDSTICK, SINGLE, "pin.rnea of the open tree: the yardstick", rnea),
-        Case(
-            "closed_form_fixed",
-            SINGLE,
-            "closed_form: leg.torque, q fixed",
-            lambda w: w.at_states(w.closed_form.torque, other=True),
-        ),
-        Case(
-            "closed_form_trajectory",
-            SINGLE,
-            "closed_form: leg.torque along the trajectory",
-            lambda w: w.along(w.closed_form.torque, other=True),
-        ),
-        Case(
-            "mechanism_closed",
-            SINGLE,
-            "Mechanism, closed tree q given: loop rows, factors, G, g, rnea",
-            mechanism_closed,
-            goal=16.0,
-        ),
-        Case(
-            "mechanism_trajectory",
-            SINGLE,
-            "Mechanism along the trajectory: warm closure and torque",
-            mechanism_trajectory,
-            goal=35.0,
-        ),
-        Case(
-            "pinocchio_fixed",
-            SINGLE,
-            "pinocchio: leg.torque, q fixed: reuses the closed pose",
-            lambda w: w.at_states(w.pinocchio().torque),
-        ),
-        Case(
-            "pinocchio_trajectory",
-            SINGLE,
-            "pinocchio: leg.torque along the trajectory",
-            lambda w: w.along(w.pinocchio().torque),
-        ),
-        Case("naive_closed", SINGLE, "naive pinocchio + NumPy pinv, closed tree q given", naive_closed, peer=True),
-        Case(
-            "naive_trajectory",
-            SINGLE,
-            "naive pinocchio + NumPy pinv, Newton along the trajectory",
-            naive_trajectory,
-            peer=True,
-        ),
-    ]
-    forward = [
-        Case(
-            "closed_form_acceleration",
-            FORWARD,
-            "closed_form: leg.acceleration",
-            lambda w: w.forward(w.closed_form.acceleration, w.states[0], other=True),
-        ),
-        Case(
-            "pinocchio_acceleration",
-            FORWARD,
-            "pinocchio: leg.acceleration, q fixed: reuses the closed pose",
-            lambda w: w.forward(w.pinocchio().acceleration, w.states[0]),
-        ),
-        Case("projected", FORWARD, "Mechanism, closed tree q given: projected", projected),
-        *(
-            Case(
-                algorithm,
-                FORWARD,
-                f"pin.{algorithm}, closed state given; couplings by multipliers",
-                constrained(algorithm),
-                peer=True,
-            )
-            for algorithm in ("constraintDynamics", "lcaba")
-        ),
-    ]
-    batch = [
-        Case(
-            f"closed_form_batch_{rows}",
-            BATCH,
-            f"closed_form (NumPy vectorised), N = {rows:,}",
-            lambda w, rows=rows: w.batch(w.closed_form, rows, other=True),
-            rows=rows,
-        )
-        for rows in settings.batch_rows
-    ]
-    batch += [
-        Case(
-            f"pinocchio_batch_{rows}",
-            BATCH,
-            f"pinocchio, N = {rows:,}, "
-            + ("neighbouring rows" if rows > 1 else "always the same one: reuses its pose"),
-            lambda w, rows=rows: w.batch(w.pinocchio(), rows),
-            rows=rows,
-        )
-        for rows in dict.fromkeys(min(rows, settings.row_limit) for rows in settings.batch_rows)
-    ]
-    random_rows = settings.states + 1
-    batch.append(
-        Case(
-            "pinocchio_batch_random",
-            BATCH,
-            f"pinocchio, N = {random_rows:,}, rows at random: no warm start",
-            lambda w: w.random_batch(w.pinocchio()),
-            rows=random_rows,
-        )
-    )
-    return (*single, *forward, *batch)
+    def forget(self, rows: int) -> None:
+        """Give the memory of a batch back."""
+        self._batches.pop(rows, None)

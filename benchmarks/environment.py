@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
-PACKAGES = ("leg-dynamics", "numpy", "pin", "scipy", "casadi")
+from benchmarks import native
+
+PACKAGES = ("leg-dynamics", "numpy", "pin", "scipy", "casadi", "llvmlite", "mujoco", "toolbox-parallel-robots")
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 QUIET_LOAD = 1.5
 
@@ -76,6 +78,16 @@ def blas() -> str | None:
         return None
 
 
+def vectors() -> str | None:
+    """Level of vector instructions that kernels are compiled for; None where they are not compiled."""
+    try:
+        from leg_dynamics.kernels.target import host_target
+
+        return host_target().level
+    except Exception:
+        return None
+
+
 def environment() -> dict[str, Any]:
     """Everything above, ready for JSON."""
     return {
@@ -86,6 +98,8 @@ def environment() -> dict[str, Any]:
         "python": f"{platform.python_implementation()} {platform.python_version()}",
         "versions": {package: _version(package) for package in PACKAGES},
         "blas": blas(),
+        "vectors": vectors(),
+        "compiler": native.compiler_version(),
         "threads": {name: os.environ.get(name) for name in THREAD_VARIABLES},
         "load_before": load_average(),
         "commit": commit(),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from time import perf_counter_ns
 from typing import Any
 
-from benchmarks.cases import Settings, Work
+from benchmarks.cases import Work
 
 LEAD_IN = 3
 
@@ -60,7 +60,8 @@ class Runner:
 
 def interleave(
     runners: dict[str, Runner],
-    settings: Settings,
+    minimum_ns: int,
+    repetitions: int,
     verify: Callable[[str, Any, int], bool],
     failed: Callable[[str, Exception], None],
     progress: Callable[[], None],
@@ -72,12 +73,12 @@ def interleave(
     """
     for key, runner in list(runners.items()):
         try:
-            runner.calibrate(settings.minimum_ns)
+            runner.calibrate(minimum_ns)
         except Exception as problem:
             failed(key, problem)
             del runners[key]
     keys = list(runners)
-    for repetition in range(settings.repetitions):
+    for repetition in range(repetitions):
         shift = repetition % max(len(keys), 1)
         for key in keys[shift:] + keys[:shift]:
             progress()

@@ -37,7 +37,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from leg_dynamics.analysis.trajectories import Trajectory
+    from leg_dynamics.analysis.workspace import Workspace
     from leg_dynamics.leg import Leg
+    from leg_dynamics.preview import Cloud
 
 __all__ = ["app", "main"]
 
@@ -475,6 +477,9 @@ def preview_leg(
         typer.Option("--html", parser=_path, metavar="F.html", help="Write one self-contained page, not a live view."),
     ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Live view: do not open a browser.")] = False,
+    workspace: Annotated[
+        bool, typer.Option("--workspace", help="Show the foot's workspace as points, coloured by condition number.")
+    ] = False,
 ) -> None:
     """Show the moving leg in 3-D: live on this machine, or as one HTML file that plays offline.
 
@@ -488,6 +493,8 @@ def preview_leg(
     motion = _preview_motion(model, trajectory, duration, rate, ignore_limits)
     motion = load.on(motion, model, trajectory)
     loads = _preview_loads(model, motion)
+    if workspace:
+        loads["cloud"] = _workspace_cloud(model)
     values, trace = _animation(model, motion)
     if html is not None:
         title = f"{model.description.name}, {motion.name}"
@@ -516,6 +523,59 @@ def preview_leg(
 def bench(context: typer.Context) -> None:
     """Measure what a torque costs, beside other ways to it; needs a checkout. Options: see `bench --help`."""
     raise typer.Exit(_benchmarks()(context.args, program="leg-dynamics bench"))
+
+
+@_command("workspace")
+def workspace_leg(
+    leg: LegName,
+    tolerance: Annotated[
+        float | None, typer.Option("--tolerance", metavar="X", help="Of the volume, relative; decides on the samples.")
+    ] = None,
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--ignore",
+            metavar="NAME|KIND",
+            help="Leave out a constraint, or all that are a joint, cone, telescope or clearance; repeatable.",
+        ),
+    ] = None,
+    height: Annotated[
+        float | None, typer.Option("--height", metavar="Z", help="z of the foot's home position, m, hip frame.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the samples.")] = 0,
+    route: RouteOption = None,
+    set_: SetOption = None,
+    foot: FootOption = None,
+    urdf: UrdfOption = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", parser=_path, metavar="DIR", help="Write summary, samples, boundary and plots here."),
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", parser=_path, metavar="F.html", help="Write one self-contained page.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compute the foot's workspace: volume, boundary, dexterity, step sizes, and the constraints that set them."""
+    from leg_dynamics.analysis.workspace.page import render_page
+
+    _check_writable(html)
+    if output is not None:
+        _check_folder(output, files=(output / "summary.json", output / "samples.csv", output / "boundary.csv"))
+    result = _workspace(
+        _load_quick(leg, route, set_, foot, urdf), tolerance=tolerance, ignore=ignore or (), height=height, seed=seed
+    )
+    written = [] if output is None else list(result.write(output))
+    if html is not None:
+        page = render_page(result)
+        _write_atomically(html, lambda path: path.write_text(page, encoding="utf-8", newline="\n"))
+        written.append(html)
+    if as_json:
+        _print_json(result.to_dict() | {"files": [str(path) for path in written]})
+        return
+    _show_workspace(result)
+    for path in written:
+        _say_written(path)
 
 
 @_command("demo")
@@ -620,6 +680,14 @@ def _load(
     options = _load_options(set_, foot, urdf, transmission)
     with _error_console().status("loading"):
         return leg_dynamics.load(name, route, **options)
+
+
+def _load_quick(name: str, route: str | None, set_: Sequence[str] | None, foot: str | None, urdf: Path | None) -> Leg:
+    """Load a leg for many thousand poses: compiled, where the caller names no route."""
+    from leg_dynamics.routes import sibling
+
+    model = _load(name, route, set_, foot, urdf)
+    return sibling(model, "symbolic") if route is None and model.route == "pinocchio" else model
 
 
 def _load_options(
@@ -818,6 +886,34 @@ def _preview_loads(leg: Leg, motion: Trajectory) -> dict[str, Any]:
     return loads
 
 
+def _workspace(leg: Leg, **options: Any) -> Workspace:
+    from leg_dynamics.analysis.workspace import workspace
+
+    with _progress() as progress:
+        task = progress.add_task("workspace", total=1.0)
+
+        def step(what: str, share: float) -> None:
+            progress.update(task, description=what, completed=share)
+
+        return workspace(leg, progress=step, **options)
+
+
+def _workspace_cloud(leg: Leg) -> Cloud:
+    """The leg's workspace in the root frame, one point for equal volumes."""
+    import numpy as np
+
+    from leg_dynamics.description import link_transforms
+    from leg_dynamics.preview import Cloud
+
+    result = _workspace(leg, tolerance=0.02)
+    share = result.weights / result.weights.sum()
+    rows = np.random.default_rng(0).choice(len(share), 8000, p=share)
+    poses = result.poses[np.unique(rows)]
+    mechanism = leg.description
+    hip = link_transforms(mechanism, {})["hip"] if mechanism.has_link("hip") else np.eye(4)
+    return Cloud.of(poses.foot @ hip[:3, :3].T + hip[:3, 3], poses.condition, "points: condition number")
+
+
 def _mobility(leg: Leg) -> Any:
     """Mobility report of the leg, by the route that has one; None where no route has."""
     from leg_dynamics.routes import sibling
@@ -922,6 +1018,47 @@ def _show_summary(result: Mapping[str, Any]) -> None:
             f"{comparison['largest_relative_difference']:.3g}, tolerance {comparison['tolerance']:g}): "
             f"{'agree' if comparison['passed'] else 'DISAGREE'}"
         )
+
+
+def _show_workspace(result: Workspace) -> None:
+    console = _console()
+    left_out = f", without {', '.join(result.ignored)}" if result.ignored else ""
+    _say(f"{result.leg}: workspace of the foot, hip frame, route {result.route}{left_out}")
+    volume, other, unit = result.volume, result.injectivity.cartesian, result.unit
+    rows = [("volume", f"{volume.value:.5g} ± {volume.half_width:.2g}", unit, "")]
+    if other is not None:
+        rows.append(("volume by foot positions", f"{other.value:.5g} ± {other.half_width:.2g}", unit, ""))
+    for k, axis in enumerate("xyz"):
+        rows.append((axis, f"{result.lower[k]:.4f} ... {result.upper[k]:.4f}", "m", ""))
+    unsettled = result.deviation.half_width > 0.1 * result.deviation.value
+    settled = "not settled: a singularity is near" if unsettled else ""
+    rows += [
+        ("mean condition number", f"{result.mean.value:.4g} ± {result.mean.half_width:.2g}", "1", ""),
+        ("its deviation", f"{result.deviation.value:.4g} ± {result.deviation.half_width:.2g}", "1", settled),
+        ("least condition number", f"{result.dexterity.smallest:.4g}", "1", ""),
+        ("smallest singular value", f"{result.dexterity.smallest_singular_value:.3g}", result.dexterity.unit, ""),
+    ]
+    step = result.step
+    if step is not None:
+        rows += [
+            ("step length L", f"{step.length:.4f}", "m", f"{step.start_limit} ... {step.end_limit}"),
+            ("longest chord", f"{step.longest:.4f}", "m", f"at z = {step.longest_height:.4f} m"),
+            ("x-extent", f"{step.extent:.4f}", "m", ""),
+            ("step height Z_f", f"{step.front:.4f}", "m", step.front_limit),
+            ("step height Z_b", f"{step.back:.4f}", "m", step.back_limit),
+        ]
+    table = _table("", "quantity", "value", "unit", "limited by")
+    for row in rows:
+        _add_row(table, *row)
+    console.print(table)
+    _say(step.definition if step is not None else f"no step sizes: {result.step_reason}")
+    nearest, ended = result.active_shares(), result.border_shares()
+    total = max(sum(ended.values()), 1)
+    table = _table("Constraints that limit the leg", "constraint", "nearest in", "ends the boundary in")
+    for name in dict.fromkeys([*nearest, *ended]):
+        _add_row(table, name, f"{100 * nearest.get(name, 0.0):.1f} %", f"{100 * ended.get(name, 0) / total:.1f} %")
+    console.print(table)
+    _say(result.justification)
 
 
 def _write_table(path: Path, leg: Leg, motion: Trajectory, efforts: np.ndarray) -> None:

@@ -29,7 +29,18 @@ from leg_dynamics.errors import (
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description, Parameter
 
-__all__ = ["AccelerationDerivatives", "Leg", "Limits", "OnError", "Recipe", "Route", "TorqueDerivatives", "Units"]
+__all__ = [
+    "AccelerationDerivatives",
+    "Leg",
+    "Limits",
+    "OnError",
+    "Quick",
+    "QuickRoute",
+    "Recipe",
+    "Route",
+    "TorqueDerivatives",
+    "Units",
+]
 
 OnError = Literal["raise", "nan"]
 
@@ -167,14 +178,25 @@ class Route(Protocol):
         ...
 
 
+class Quick(NamedTuple):
+    """A kernel that can be called on float64 arrays without any check before.
+
+    Its functions take arrays that broadcast and raise ValueError where a last axis does not fit.
+    """
+
+    single: Callable[..., np.ndarray]
+    """For small arrays; takes ``out`` by name."""
+    batch: Callable[..., np.ndarray]
+    """For large arrays, on several threads; takes ``out`` by name."""
+    counter: memoryview
+    """``counter[0]`` grows with every row that fails, in all threads; such rows are NaN."""
+
+
 class QuickRoute(Route, Protocol):
-    """A route whose methods are kernels that can be called on float64 arrays without any check before."""
+    """A route whose methods are kernels."""
 
-    def quick(self, name: str) -> Callable[..., np.ndarray | None] | None:
-        """Function of arrays that broadcast, or None where there is none, for the method `name` or ``loaded_torque`` (with force and gravity).
-
-        It raises ValueError where a last axis does not fit, and returns None where a row failed.
-        """
+    def quick(self, name: str) -> Quick | None:
+        """Kernel of the method `name`, or of ``loaded_torque`` (torque with force and gravity), where there is one."""
         ...
 
 
@@ -284,8 +306,8 @@ class Leg:
     _actuator_names: tuple[str, ...]
     _units: Units
     _gravity: np.ndarray
-    _quick: dict[str, Callable[..., np.ndarray | None]]
-    _quick_torque: Callable[..., np.ndarray | None] | None
+    _quick: dict[str, Quick]
+    _quick_torque: Quick | None
 
     def __init__(self, route: Route, description: Description, foot: str | None, recipe: Recipe) -> None:
         joints = [description.joint(name) for name in route.joint_names]
@@ -434,25 +456,47 @@ class Leg:
 
         The kernel itself checks shapes, and marks rows whose input or result is not finite.
         """
-        run = self._quick.get(name)
-        if run is None:
+        quick = self._quick.get(name)
+        if quick is None:
             return None
+        large = False
         for array in arrays:
-            if type(array) is not _ARRAY or array.dtype is not _FLOAT or array.size > _QUICK_SIZE:
+            if type(array) is not _ARRAY or array.dtype is not _FLOAT:
                 return None
+            large |= array.size > _QUICK_SIZE
+        before = quick.counter[0]
         try:
-            return run(*arrays)
+            result = (quick.batch if large else quick.single)(*arrays)
         except ValueError:  # shapes, which the careful way names
             return None
+        return result if quick.counter[0] == before else None
+
+    def _torque_into(self, out: Any, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray | None:
+        """The quick way with a result array whose rows are those of all three arguments."""
+        quick = self._quick_torque
+        if quick is None or type(out) is not _ARRAY or out.dtype is not _FLOAT or not out.flags.writeable:
+            return None
+        leading = q.shape[:-1]
+        if v.shape[:-1] != leading or a.shape[:-1] != leading or out.shape != (*leading, self._m):
+            return None
+        before = quick.counter[0]
+        try:
+            if q.size > _QUICK_SIZE:
+                quick.batch(q, v, a, out=out)
+            else:
+                quick.single(q, v, a, out=out)
+        except ValueError:
+            return None
+        return out if quick.counter[0] == before else None
 
     def _learn(self, name: str) -> None:
         """Remember the route's kernel for a method, made by the call that has just succeeded."""
         offered = getattr(self._route, "quick", None)
-        run = None if offered is None else offered(name)
-        if run is not None:
-            self._quick[name] = run
+        quick = None if offered is None else offered(name)
+        if quick is not None:
+            self._quick[name] = quick
             if name == "torque":
-                object.__setattr__(self, "_quick_torque", run)
+                object.__setattr__(self, "_quick_torque", quick)
 
     def _run(self, call: _Call, name: str, shape: tuple[int, ...], *names: str, out: Any = None) -> np.ndarray:
         """Evaluate a method of the route on checked arguments."""
@@ -715,7 +759,7 @@ class Leg:
         gravity : (..., 3) array_like, optional
             Gravity vector in the hip frame, m/s².
         out : (..., m) float64 array, optional
-            Receives the result.
+            Receives the result; where an error is raised, its content is not defined.
 
         Returns
         -------
@@ -732,22 +776,27 @@ class Leg:
             The actuators do not determine the efforts.
         """
         if foot_force is None and gravity is None:
-            # Written out: this is the inner loop of a controller, and a call is half a microsecond.
+            # Written out: this is the inner loop of a controller, and a function call costs a tenth of it.
             quick = self._quick_torque
             if (
                 quick is not None
-                and out is None
-                and on_error == "raise"
                 and type(q) is type(v) is type(a) is _ARRAY
                 and q.dtype is v.dtype is a.dtype is _FLOAT
-                and q.size < _QUICK_SIZE
+                and on_error == "raise"
             ):
-                try:
-                    result = quick(q, v, a)
-                except ValueError:  # shapes, which the careful way names
-                    result = None
-                if result is not None:
-                    return result
+                if out is not None:
+                    if self._torque_into(out, q, v, a) is not None:
+                        return out
+                else:
+                    single, batch, counter = quick
+                    before = counter[0]
+                    try:
+                        result = single(q, v, a) if q.size < _QUICK_SIZE else batch(q, v, a)
+                    except ValueError:  # shapes, which the careful way names
+                        pass
+                    else:
+                        if counter[0] == before:
+                            return result
         else:
             if foot_force is not None:
                 self._need_foot()

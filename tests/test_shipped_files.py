@@ -61,7 +61,7 @@ def test_every_parameter_says_unit_source_and_meaning(path):
         assert not isinstance(entry["value"], bool), name
         assert entry["unit"], name
         assert entry["description"].strip(), name
-        assert re.fullmatch(r"Table \d+|assumed: \S.{7,}", entry["source"]), (name, entry["source"])
+        assert re.fullmatch(r"Table \d+|section \d+(\.\d+)?|assumed: \S.{7,}", entry["source"]), (name, entry["source"])
 
 
 @pytest.mark.slow

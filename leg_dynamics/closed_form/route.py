@@ -23,6 +23,7 @@ and arrays, which says why a row failed.
 
 from __future__ import annotations
 
+import functools
 import importlib.metadata
 import pickle
 from collections.abc import Callable, Mapping, Sequence
@@ -47,6 +48,7 @@ from leg_dynamics.kernels import Kernel, cache
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description
+    from leg_dynamics.leg import Quick
 
 __all__ = ["ClosedFormRoute"]
 
@@ -160,17 +162,12 @@ class ClosedFormRoute:
         """Return the compiled formula `name` (see `leg_dynamics.closed_form.compiled.FORMULAS`)."""
         return self.kernels.get(name, vary)
 
-    def quick(self, name: str) -> Callable[..., np.ndarray | None]:
+    def quick(self, name: str) -> Quick:
         """Return the kernel of a method for arrays that need no checking, see `leg_dynamics.leg.QuickRoute`."""
+        from leg_dynamics.leg import Quick
+
         kernel = self.kernels.get(name)
-        ufunc, counter = kernel.ufunc, kernel.counter
-
-        def run(*arrays: np.ndarray) -> np.ndarray | None:
-            before = counter[0]
-            result: np.ndarray = ufunc(*arrays)
-            return result if counter[0] == before else None
-
-        return run
+        return Quick(kernel.ufunc, functools.partial(kernel, threads=self.threads), kernel.counter)
 
     def plain(self, formula: Callable[..., Any], *arguments: np.ndarray) -> np.ndarray:
         """Evaluate a formula (leg, components ...) as it stands: a sample on floats, a batch on arrays.

@@ -105,7 +105,7 @@ def crosscheck_legs(
 
     reference, others = legs[0], legs[1:]
     tell("joint angles that close the loops", 0.0)
-    every = sample_states(domain(reference), samples, seed)
+    every = sample_states(domain(reference), samples, seed, reference.units.joints)
     # In the random order: each closure has to come from far away. Later ones come from the row before.
     assembled = [_assembled(leg, every, reference.tree_joint_names) for leg in legs]
     usable = ~np.all([np.isnan(angles).any(axis=1) for angles in assembled], axis=0)

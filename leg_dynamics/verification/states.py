@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,11 @@ __all__ = ["States", "domain", "sample_states", "with_room"]
 SPEED = 5.0
 ACCELERATION = 50.0
 FORCE = 50.0
+SLIDE_SHARE = 0.2
+"""Metres are large beside radians: share of SPEED and ACCELERATION that slides get, in m/s and m/s².
+
+A difference along v then stays inside the ROOM around a state.
+"""
 NEAR_ZERO_SHARE = 0.15
 RESTING_SHARE = 0.1
 BEYOND_STRAIGHT = np.pi / 4.0
@@ -88,7 +94,7 @@ def domain(leg: Leg) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def sample_states(box: tuple[np.ndarray, np.ndarray], samples: int, seed: int) -> States:
+def sample_states(box: tuple[np.ndarray, np.ndarray], samples: int, seed: int, units: Sequence[str] = ()) -> States:
     """Random states in a box, with its corners and states that have coordinates close to zero.
 
     Parameters
@@ -97,6 +103,8 @@ def sample_states(box: tuple[np.ndarray, np.ndarray], samples: int, seed: int) -
     samples : int
         Number of states; the corners and the near-zero states are among them.
     seed : int
+    units : sequence of str
+        Units of the n coordinates, ``rad`` or ``m``; all rad where none are given.
     """
     generator = np.random.default_rng(seed)
     lower, upper = box
@@ -112,10 +120,11 @@ def sample_states(box: tuple[np.ndarray, np.ndarray], samples: int, seed: int) -
     directions = generator.standard_normal((samples, 3))
     # Resting joints too: Coulomb friction jumps there.
     moving = generator.random((samples, n)) >= RESTING_SHARE
+    share = np.array([SLIDE_SHARE if unit == "m" else 1.0 for unit in units or ("rad",) * n])
     return States(
         q=q,
-        v=generator.uniform(-SPEED, SPEED, (samples, n)) * moving,
-        a=generator.uniform(-ACCELERATION, ACCELERATION, (samples, n)),
+        v=generator.uniform(-SPEED, SPEED, (samples, n)) * moving * share,
+        a=generator.uniform(-ACCELERATION, ACCELERATION, (samples, n)) * share,
         foot_force=generator.uniform(-FORCE, FORCE, (samples, 3)),
         gravity=9.81 * directions / np.linalg.norm(directions, axis=1, keepdims=True),
     )

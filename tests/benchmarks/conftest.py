@@ -9,7 +9,19 @@ from benchmarks.cases import Settings
 @pytest.fixture(scope="session")
 def tiny():
     """Settings under which a run says nothing about speed and everything about form."""
-    return Settings(repetitions=3, minimum_ns=50_000, rate=50.0, states=12, batch_rows=(1, 7, 30), row_limit=20)
+    return Settings(
+        repetitions=3,
+        minimum_ns=50_000,
+        rate=50.0,
+        states=24,
+        method_states=8,
+        batch_rows=(1, 7, 10_000),
+        row_limit=7,
+        slow_limit=7,
+        loops=(1, 2),
+        thread_rows=100,
+        processes=1,
+    )
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.cases import Work
-from benchmarks.gate import TOLERANCE, check, explain, judge, relative_error
+from benchmarks.cases import NotAvailableError, Work
+from benchmarks.gate import BLOCK, TOLERANCE, check, explain, judge, refused, relative_error
 
 EXPECTED = np.array([[1.0, -2.0, 3.0], [0.0, 0.0, 1e-3]])
 ROWS = [(row,) for row in EXPECTED]
@@ -83,3 +83,23 @@ def test_reasons_are_one_short_line():
     assert "\n" not in explain(TypeError("first\nsecond\nthird\nfourth\n" * 100))
     assert len(explain(TypeError("long " * 1000))) <= 240
     assert explain(TypeError()) == "TypeError"
+
+
+def test_what_is_not_there_is_not_available():
+    def absent(row):
+        raise NotAvailableError("no GCC was found")
+
+    assert check(work(absent)).status == "not available"
+    assert refused(NotAvailableError("no GCC was found")).reason == "no GCC was found"
+    assert refused(ModuleNotFoundError("No module named 'peer'")).status == "not available"
+    assert refused(ValueError("singular")).status == "cannot run"
+
+
+@pytest.mark.parametrize("row", [0, BLOCK - 1, BLOCK, BLOCK + 1])
+def test_a_large_batch_is_looked_at_to_the_last_row(row):
+    expected = np.ones((BLOCK + 2, 3))
+    answer = expected.copy()
+    answer[row, 1] += 1e-3
+    assert relative_error(answer, expected) == pytest.approx(5e-4)
+    answer[row, 1] = np.nan
+    assert relative_error(answer, expected) == float("inf")

@@ -6,7 +6,7 @@ import gc
 
 import pytest
 
-from benchmarks.cases import Settings, Work
+from benchmarks.cases import Work
 from benchmarks.timing import LEAD_IN, Runner, interleave
 
 
@@ -69,7 +69,7 @@ def test_every_repetition_visits_every_case_in_another_order(clock):
         runner = ticking(clock, 100, [])
         runner.once = lambda loops, name=name, once=runner.once: (order.append(name), once(loops))[1]
         runners[name] = runner
-    interleave(runners, Settings(repetitions=3, minimum_ns=1), lambda *_: True, None, lambda: None)
+    interleave(runners, 1, 3, lambda *_: True, None, lambda: None)
     assert "".join(order[-9:]) == "abcbcacab"
     assert all(len(runner.samples) == 3 for runner in runners.values())
 
@@ -89,7 +89,8 @@ def test_a_case_that_goes_wrong_is_dropped(clock):
     heard = {}
     interleave(
         runners,
-        Settings(repetitions=9, minimum_ns=1),
+        1,
+        9,
         lambda key, result, index: key != "lost",
         lambda key, problem: heard.update({key: problem}),
         lambda: None,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from leg_dynamics.routes import load
-from leg_dynamics.verification.states import States, domain, sample_states, with_room
+from leg_dynamics.verification.states import SLIDE_SHARE, States, domain, sample_states, with_room
 
 
 def fake_leg(lower, upper, units=("rad", "rad", "m")):
@@ -92,3 +92,11 @@ def test_room_around_a_state(four_bar):
     q = np.array([[1.0], [limit - 0.02], [limit - 0.06], [limit + 0.1]])
     states = States(q, q, q, np.zeros((4, 3)), np.zeros((4, 3)))
     np.testing.assert_array_equal(with_room(leg, states).q, q[[0, 2]])
+
+
+def test_slides_are_slower_than_hinges():
+    box = (np.array([-1.0, 0.5, -1.0]), np.array([1.0, 0.9, 1.0]))
+    hinges, mixed = (sample_states(box, 300, 4, units) for units in ((), ("rad", "m", "rad")))
+    np.testing.assert_array_equal(mixed.q, hinges.q)
+    for found, plain in ((mixed.v, hinges.v), (mixed.a, hinges.a)):
+        np.testing.assert_allclose(found, plain * (1.0, SLIDE_SHARE, 1.0))

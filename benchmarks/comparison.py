@@ -1,0 +1,115 @@
+"""Two runs side by side, by their ratios to the yardstick: the machine's own speed cancels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Spread = tuple[float, float, float]
+
+
+class ComparisonError(ValueError):
+    """The earlier file is not a report of this kind."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One case in both runs; `beyond` where the spreads do not meet; not `judged` where a run has too few rounds."""
+
+    key: str
+    title: str
+    block: str
+    unit: str
+    before: Spread
+    after: Spread
+    judged: bool = True
+
+    @property
+    def factor(self) -> float:
+        """Cost after over cost before."""
+        return self.after[1] / self.before[1]
+
+    @property
+    def beyond(self) -> bool:
+        return self.judged and (self.after[0] > self.before[2] or self.after[2] < self.before[0])
+
+    @property
+    def words(self) -> str:
+        if not self.judged:
+            return "too few rounds"
+        if not self.beyond:
+            return "within the spread"
+        return f"{self.factor - 1.0:.0%} slower" if self.factor > 1.0 else f"{1.0 - self.factor:.0%} faster"
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "key": self.key,
+            "title": self.title,
+            "block": self.block,
+            "unit": self.unit,
+            "before": list(self.before),
+            "after": list(self.after),
+            "factor": self.factor,
+            "judged": self.judged,
+            "beyond": self.beyond,
+        }
+
+
+FEWEST, FEW = 3, 8
+"""Rounds below which nothing is judged, and below which quartiles say too little and the whole range is taken."""
+
+
+def _spread(samples: Any) -> Spread:
+    outer = (25, 50, 75) if len(samples) >= FEW else (0, 50, 100)
+    low, median, high = np.percentile(samples, outer)
+    return float(low), float(median), float(high)
+
+
+def _ratios(report: Mapping[str, Any]) -> dict[str, tuple[dict[str, Any], Spread]]:
+    return {
+        result["key"]: (result, _spread(result["ratios"]))
+        for result in report["results"]
+        if result["status"] == "ok" and result["ratios"] and not result["key"].endswith(report["yardstick"])
+    }
+
+
+def compare(after: Mapping[str, Any], before: Any, schema: str) -> tuple[Change, ...]:
+    """Compare two reports.
+
+    Parameters
+    ----------
+    after, before : mapping
+        As `Report.to_dict` gives them; cases that one of them lacks are left out.
+    schema : str
+        The kind of report that can be compared.
+
+    Raises
+    ------
+    ComparisonError
+        `before` is something else, or of another leg.
+    """
+    if not isinstance(before, Mapping) or before.get("schema") != schema:
+        found = before.get("schema") if isinstance(before, Mapping) else type(before).__name__
+        raise ComparisonError(f"not a report of the kind {schema!r}: {found!r}; make it with leg-dynamics bench --json")
+    if before.get("leg") != after["leg"]:
+        raise ComparisonError(f"a report of {before.get('leg')!r}, not of {after['leg']!r}")
+    try:
+        old, new = _ratios(before), _ratios(after)
+    except (KeyError, TypeError, ValueError) as problem:
+        raise ComparisonError(f"a damaged report: {type(problem).__name__} {problem}") from problem
+    return tuple(
+        Change(
+            key,
+            result["title"],
+            result["block"],
+            "× pin.rnea",
+            old[key][1],
+            spread,
+            min(len(result["ratios"]), len(old[key][0]["ratios"])) >= FEWEST,
+        )
+        for key, (result, spread) in new.items()
+        if key in old
+    )
