@@ -801,9 +801,9 @@ class Leg:
             if foot_force is not None:
                 self._need_foot()
             if out is None and on_error == "raise":
-                result = self._quickly("loaded_torque", q, v, a, *self._loads(foot_force, gravity))
-                if result is not None:
-                    return result
+                loaded = self._quickly("loaded_torque", q, v, a, *self._loads(foot_force, gravity))
+                if loaded is not None:
+                    return loaded
         call = self._arguments(
             on_error,
             q=(q, self._n),

@@ -10,17 +10,15 @@ from leg_dynamics.closed_form.hexapod_leg import (
     BODY_NAMES,
     JOINT_NAMES,
     TREE_JOINT_NAMES,
-    Body,
-    Dissipation,
     HexapodLeg,
 )
-from leg_dynamics.closed_form.reading import ZeroPose, broken_assumption, without_rounding
+from leg_dynamics.closed_form.reading import FileReader
 from leg_dynamics.description.topology import split_independent
 
 if TYPE_CHECKING:
+    from leg_dynamics.closed_form.rigid_body import Body
     from leg_dynamics.description.model import Description, Loop, LoopEnd
 
-STANDARD_GRAVITY = 9.81
 _X, _Y, _Z = np.eye(3)
 _STRUTS = (1, 2, 3)
 _AXES = {"alpha": _X, "beta": _Y, "l": _Z}
@@ -39,19 +37,7 @@ def _text(vector: np.ndarray) -> str:
     return "(" + ", ".join(f"{value:.12g}" for value in vector) + ")"
 
 
-class _Reader:
-    def __init__(self, description: Description, tolerance: float) -> None:
-        self.description = description
-        self.tolerance = tolerance
-        for name in (*BODY_NAMES, "foot"):
-            if not description.has_link(name):
-                raise self.broken(f"link {name!r}", "missing", "present")
-        self.pose = ZeroPose(description, "hip")
-        self.bodies = (*BODY_NAMES, "hip")
-
-    def broken(self, element: str, found: object, expected: object, tolerance: float | None = None) -> Exception:
-        return broken_assumption(self.description, element, found, expected, tolerance)
-
+class _Reader(FileReader):
     def check_positive(self, name: str, value: float) -> None:
         if value <= self.tolerance:
             raise self.broken(f"the length {name} (m)", value, "positive", self.tolerance)
@@ -158,41 +144,13 @@ class _Reader:
 
     def inertias(self, lengths: _Lengths) -> tuple[Body, ...]:
         hips = (np.zeros(3), lengths.a * _X, lengths.side * lengths.a * _Y)
-        groups: dict[str, list[str]] = {name: [] for name in BODY_NAMES}
-        for link in self.description.links:
-            body = self.pose.body_of(link.name, self.bodies)
-            if body in groups:
-                groups[body].append(link.name)
-        bodies = []
-        for name, links in groups.items():
-            origin = hips[int(name[-1]) - 1]
-            mass, com, inertia = self.pose.merged_inertia(links, np.eye(3), origin)
-            tensor = tuple(tuple(row) for row in (0.5 * (inertia + inertia.T)).tolist())
-            bodies.append(Body(name, float(mass), tuple(com.tolist()), tensor))
-        return tuple(bodies)
-
-    def drive_mass(self) -> tuple[float, ...]:
-        felt = dict.fromkeys(JOINT_NAMES, 0.0)
-        for transmission in self.description.transmissions:
-            if transmission.joint not in felt:
-                raise self.broken(
-                    f"the joint of transmission {transmission.name!r}", transmission.joint, "l1, l2 or l3"
-                )
-            felt[transmission.joint] += transmission.rotor_inertia * transmission.reduction**2
-        return tuple(felt.values())
-
-    def dissipation(self) -> tuple[Dissipation, ...]:
-        joints = (self.description.joint(name) for name in TREE_JOINT_NAMES)
-        return tuple(Dissipation(j.name, j.damping, j.friction) for j in joints if j.damping or j.friction)
-
-    def gravity(self) -> tuple[float, ...]:
-        rotation = self.pose.transform("hip", self.description.root)[:3, :3]
-        return tuple(without_rounding(rotation.T @ (-STANDARD_GRAVITY * _Z), STANDARD_GRAVITY).tolist())
+        origins = {name: hips[int(name[-1]) - 1] for name in BODY_NAMES}
+        return self.merged_bodies(dict.fromkeys(BODY_NAMES, np.eye(3)), origins)
 
 
 def read(description: Description, tolerance: float) -> HexapodLeg:
     """Check the file and return its numbers; see `leg_dynamics.closed_form.hexapod_leg.from_urdf`."""
-    reader = _Reader(description, tolerance)
+    reader = _Reader(description, tolerance, BODY_NAMES, ("foot",))
     reader.check_tree()
     hinge, ball = reader.loops()
     lengths = reader.lengths(hinge, ball)
@@ -201,6 +159,6 @@ def read(description: Description, tolerance: float) -> HexapodLeg:
         **lengths._asdict(),
         bodies=reader.inertias(lengths),
         gravity=reader.gravity(),
-        drive_mass=reader.drive_mass(),
-        dissipation=reader.dissipation(),
+        drive_mass=reader.drive_inertia(JOINT_NAMES),
+        dissipation=reader.dissipation(TREE_JOINT_NAMES),
     )

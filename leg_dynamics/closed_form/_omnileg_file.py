@@ -10,17 +10,15 @@ from leg_dynamics.closed_form.omnileg import (
     BODY_NAMES,
     JOINT_NAMES,
     TREE_JOINT_NAMES,
-    Body,
-    Dissipation,
     OmniLeg,
 )
-from leg_dynamics.closed_form.reading import ZeroPose, broken_assumption, without_rounding
+from leg_dynamics.closed_form.reading import FileReader
 from leg_dynamics.description.topology import split_independent
 
 if TYPE_CHECKING:
+    from leg_dynamics.closed_form.rigid_body import Body
     from leg_dynamics.description.model import Description, Loop
 
-STANDARD_GRAVITY = 9.81
 _X, _Y, _Z = np.eye(3)
 _HINGES = ("revolute", "continuous")
 _CHAINS = (1, 2, 3)
@@ -69,19 +67,7 @@ def _text(vector: np.ndarray) -> str:
     return "(" + ", ".join(f"{value:.12g}" for value in vector) + ")"
 
 
-class _Reader:
-    def __init__(self, description: Description, tolerance: float) -> None:
-        self.description = description
-        self.tolerance = tolerance
-        for name in BODY_NAMES:
-            if not description.has_link(name):
-                raise self.broken(f"link {name!r}", "missing", "present")
-        self.pose = ZeroPose(description, "hip")
-        self.bodies = (*BODY_NAMES, "hip")
-
-    def broken(self, element: str, found: object, expected: object, tolerance: float | None = None) -> Exception:
-        return broken_assumption(self.description, element, found, expected, tolerance)
-
+class _Reader(FileReader):
     def check_line(self, element: str, centre: np.ndarray, axis: np.ndarray, line: _Line, *, signed: bool) -> None:
         expected = line.direction
         aligned = axis if signed or axis @ expected >= 0.0 else -axis
@@ -279,40 +265,12 @@ class _Reader:
             turn = np.column_stack((c.direction, np.cross(_Z, c.direction), _Z))
             for name, line in ((f"driven_gear_{i}", c), (f"link_C{i}D{i}", c), (f"link_D{i}E{i}", d)):
                 origins[name], rotations[name] = line.point, turn
-        groups: dict[str, list[str]] = {name: [] for name in BODY_NAMES}
-        for link in self.description.links:
-            body = self.pose.body_of(link.name, self.bodies)
-            if body in groups:
-                groups[body].append(link.name)
-        bodies = []
-        for name in BODY_NAMES:
-            mass, com, inertia = self.pose.merged_inertia(groups[name], rotations[name], origins[name])
-            tensor = tuple(tuple(row) for row in (0.5 * (inertia + inertia.T)).tolist())
-            bodies.append(Body(name, float(mass), tuple(com.tolist()), tensor))
-        return tuple(bodies)
-
-    def rotor_inertia(self) -> tuple[float, ...]:
-        felt = dict.fromkeys(JOINT_NAMES, 0.0)
-        for transmission in self.description.transmissions:
-            if transmission.joint not in felt:
-                raise self.broken(
-                    f"the joint of transmission {transmission.name!r}", transmission.joint, "alpha, beta or gamma"
-                )
-            felt[transmission.joint] += transmission.rotor_inertia * transmission.reduction**2
-        return tuple(felt.values())
-
-    def dissipation(self) -> tuple[Dissipation, ...]:
-        joints = (self.description.joint(name) for name in TREE_JOINT_NAMES)
-        return tuple(Dissipation(j.name, j.damping, j.friction) for j in joints if j.damping or j.friction)
-
-    def gravity(self) -> tuple[float, ...]:
-        rotation = self.pose.transform("hip", self.description.root)[:3, :3]
-        return tuple(without_rounding(rotation.T @ (-STANDARD_GRAVITY * _Z), STANDARD_GRAVITY).tolist())
+        return self.merged_bodies(rotations, origins)
 
 
 def read(description: Description, tolerance: float) -> OmniLeg:
     """Check the file and return its numbers; see `leg_dynamics.closed_form.omnileg.from_urdf`."""
-    reader = _Reader(description, tolerance)
+    reader = _Reader(description, tolerance, BODY_NAMES)
     reader.check_tree()
     lengths = reader.lengths()
     reader.check_axes(lengths)
@@ -322,6 +280,6 @@ def read(description: Description, tolerance: float) -> OmniLeg:
         **lengths._asdict(),
         bodies=reader.inertias(lengths),
         gravity=reader.gravity(),
-        rotor_inertia=reader.rotor_inertia(),
-        dissipation=reader.dissipation(),
+        rotor_inertia=reader.drive_inertia(JOINT_NAMES),
+        dissipation=reader.dissipation(TREE_JOINT_NAMES),
     )

@@ -49,8 +49,6 @@ from leg_dynamics.closed_form.algebra import (
     matvec,
     negate,
     rotate_tensor,
-    rotation_x,
-    rotation_y,
     rotation_z,
     scale,
     sign,
@@ -64,6 +62,23 @@ from leg_dynamics.closed_form.algebra import (
     transpose,
     where,
     where_domain,
+)
+from leg_dynamics.closed_form.rigid_body import (
+    FIXED,
+    STILL,
+    Angle,
+    Body,
+    CentreOfMass,
+    Dissipation,
+    Motion,
+    Turning,
+    gravity_force,
+    hinged,
+    inertia_matrix,
+    kinetic,
+    potential,
+    shifted,
+    virtual_work,
 )
 from leg_dynamics.description.model import STANDSTILL
 from leg_dynamics.errors import RouteError
@@ -208,31 +223,6 @@ BODY_NAMES = (
     *(f"link_D{i}E{i}" for i in (1, 2, 3)),
     "foot",
 )
-
-
-class Body(NamedTuple):
-    """A rigid body in its own frame (parallel to the hip in the straight pose; chain i is turned by psi_i).
-
-    The frame's origin is the centre of the joint that carries the body: A_k, B_k, C_i, D_i, O0, O0' or P_F.
-    """
-
-    name: str
-    mass: Scalar
-    """kg"""
-    com: Vector
-    """Centre of mass, m."""
-    inertia: Matrix
-    """Full tensor about the centre of mass, kg·m²."""
-
-
-class Dissipation(NamedTuple):
-    """Losses of one tree joint, both along its own angle."""
-
-    joint: str
-    damping: Scalar
-    """Viscous, N·m·s/rad."""
-    friction: Scalar
-    """Coulomb, N·m."""
 
 
 @dataclass(frozen=True)
@@ -615,59 +605,6 @@ def singularity_margins(leg: OmniLeg, q: Vector) -> Vector:
 # 3 Dynamics: motion of every body, (15)-(43)
 
 
-class Angle(NamedTuple):
-    """An angle through its sine and cosine, with its rates.
-
-    `first` holds the influence coefficients (derivatives with respect to alpha, beta, gamma), `rate` is first · v, and
-    `second` is the angle's second time derivative at zero joint acceleration.
-    """
-
-    sine: Scalar
-    cosine: Scalar
-    first: Vector
-    rate: Scalar
-    second: Scalar
-
-
-class Turning(NamedTuple):
-    """Rotation of a body: R to the hip frame, columns and value of its angular velocity, and its bias acceleration."""
-
-    rotation: Matrix
-    columns: tuple[Vector, Vector, Vector]
-    """Angular velocity for a unit rate of alpha, beta, gamma."""
-    velocity: Vector
-    """Angular velocity, rad/s."""
-    bias: Vector
-    """Angular acceleration at zero joint acceleration, rad/s²."""
-
-
-class Motion(NamedTuple):
-    """Motion of a body's frame; the columns are first-order influence coefficients, the biases second-order terms."""
-
-    turning: Turning
-    origin: Vector
-    """Position of the frame's origin, m."""
-    columns: tuple[Vector, Vector, Vector]
-    """Velocity of the origin for a unit rate of alpha, beta, gamma, m/rad."""
-    bias: Vector
-    """Acceleration of the origin at zero joint acceleration, m/s²."""
-
-
-class CentreOfMass(NamedTuple):
-    """Motion of a body's centre of mass."""
-
-    position: Vector
-    """m"""
-    columns: tuple[Vector, Vector, Vector]
-    """Velocity for a unit rate of alpha, beta, gamma, m/rad."""
-    bias: Vector
-    """Acceleration at zero joint acceleration, m/s²."""
-
-
-_STILL = (ZERO, ZERO, ZERO)
-_FIXED = Turning(IDENTITY, _STILL, ZERO, ZERO)
-
-
 def _opposite(angle: Angle) -> Angle:
     return Angle(-angle.sine, angle.cosine, negate(angle.first), -angle.rate, -angle.second)
 
@@ -677,39 +614,10 @@ def _own(angle: Scalar, index: int, v: Vector) -> Angle:
     return Angle(sin(angle), cos(angle), IDENTITY[index], v[index], 0.0)
 
 
-def _turn(parent: Turning, axis: str, angle: Angle) -> Turning:
-    """Rotation of a body hinged to `parent` about its x, y or z axis: angular velocities add up."""
-    index = "xyz".index(axis)
-    about = (rotation_x, rotation_y, rotation_z)[index](angle.sine, angle.cosine)
-    e = transpose(parent.rotation)[index]
-    column_a, column_b, column_g = (
-        add(column, scale(rate, e)) for column, rate in zip(parent.columns, angle.first, strict=True)
-    )
-    return Turning(
-        matmul(parent.rotation, about),
-        (column_a, column_b, column_g),
-        add(parent.velocity, scale(angle.rate, e)),
-        total((parent.bias, scale(angle.second, e), scale(angle.rate, cross(parent.velocity, e)))),
-    )
-
-
-def _shift(base: Motion, lever: Vector) -> CentreOfMass:
-    """Motion of the point of a body at `lever` (hip frame, m) from its frame's origin."""
-    w = base.turning.velocity
-    column_a, column_b, column_g = (
-        add(linear, cross(angular, lever)) for linear, angular in zip(base.columns, base.turning.columns, strict=True)
-    )
-    return CentreOfMass(
-        add(base.origin, lever),
-        (column_a, column_b, column_g),
-        total((base.bias, cross(base.turning.bias, lever), cross(w, cross(w, lever)))),
-    )
-
-
 def centre_of_mass(motion: Motion, com: Vector) -> CentreOfMass:
     """Position, influence coefficients and bias acceleration of a point `com` given in the body's frame (m)."""
     lever = matvec(motion.turning.rotation, com)  # (19), (31), (35), (39)
-    return _shift(motion, lever)  # (20), (22), (23), (36), (40), (42), (43)
+    return shifted(motion, lever)  # (20), (22), (23), (36), (40), (42), (43)
 
 
 def _rod_angles(thigh: _Thigh, v: Vector) -> tuple[Angle, Angle]:
@@ -732,16 +640,16 @@ def _rod_angles(thigh: _Thigh, v: Vector) -> tuple[Angle, Angle]:
 def _branch_turnings(thigh: _Thigh, q: Vector, v: Vector) -> tuple[tuple[Turning, Turning], tuple[Turning, Turning]]:
     """Crosses and rods of the branches 1 (and 3, which is its mirror image) and 2."""
     theta12, minus_theta22 = _rod_angles(thigh, v)
-    cross_1 = _turn(_FIXED, "y", Angle(thigh.sb, thigh.cb, IDENTITY[1], v[1], 0.0))  # (15)
-    rod_1 = _turn(cross_1, "x", theta12)  # (17), (18), (21)
-    cross_2 = _turn(_FIXED, "x", Angle(thigh.sa, thigh.ca, IDENTITY[0], v[0], 0.0))
-    rod_2 = _turn(cross_2, "y", minus_theta22)  # axis -Y by (6)
+    cross_1 = hinged(FIXED, "y", Angle(thigh.sb, thigh.cb, IDENTITY[1], v[1], 0.0))  # (15)
+    rod_1 = hinged(cross_1, "x", theta12)  # (17), (18), (21)
+    cross_2 = hinged(FIXED, "x", Angle(thigh.sa, thigh.ca, IDENTITY[0], v[0], 0.0))
+    rod_2 = hinged(cross_2, "y", minus_theta22)  # axis -Y by (6)
     return (cross_1, rod_1), (cross_2, rod_2)
 
 
 def _knee_motion(leg: OmniLeg, thigh: _Thigh, v: Vector) -> Motion:
     columns = (scale(leg.L1, thigh.r_a), scale(leg.L1, thigh.r_b), ZERO)
-    return Motion(_FIXED, scale(leg.L1, thigh.r), columns, scale(leg.L1, _thigh_bias(thigh, v)))  # (32), (33)
+    return Motion(FIXED, scale(leg.L1, thigh.r), columns, scale(leg.L1, _thigh_bias(thigh, v)))  # (32), (33)
 
 
 def _at(motion: Motion, turning: Turning, offset: Vector) -> Motion:
@@ -768,8 +676,8 @@ def _branch_motions(
     motions = {}
     for k, (cross_turning, rod_turning) in zip((1, 2, 3), (*turnings, turnings[0]), strict=True):
         centre = joint_point(leg, k, 1)
-        motions[f"cross_A{k}"] = Motion(cross_turning, centre, _STILL, ZERO)  # (15)
-        motions[f"rod_A{k}B{k}"] = Motion(rod_turning, centre, _STILL, ZERO)  # (17)-(23)
+        motions[f"cross_A{k}"] = Motion(cross_turning, centre, STILL, ZERO)  # (15)
+        motions[f"rod_A{k}B{k}"] = Motion(rod_turning, centre, STILL, ZERO)  # (17)-(23)
         motions[f"cross_B{k}"] = _at(knee, cross_turning, centre)  # (16)
     return motions
 
@@ -836,12 +744,12 @@ def _transmission_motions(
     turnings: tuple[tuple[Turning, Turning], tuple[Turning, Turning]],
     knee: Motion,
 ) -> dict[str, Motion]:
-    shaft = _turn(_FIXED, "z", _own(q[2], 2, v))  # (24)
+    shaft = hinged(FIXED, "z", _own(q[2], 2, v))  # (24)
     cross_4, rod_4 = turnings[0] if leg.transmission == "paper" else _cardan_turnings(thigh, q, v, shaft)
     return {
-        "input_shaft": Motion(shaft, ZERO, _STILL, ZERO),  # (24), (25)
-        "cross_A4": Motion(cross_4, ZERO, _STILL, ZERO),  # (26), (28)
-        "shaft_A4B4": Motion(rod_4, ZERO, _STILL, ZERO),  # (29)-(31)
+        "input_shaft": Motion(shaft, ZERO, STILL, ZERO),  # (24), (25)
+        "cross_A4": Motion(cross_4, ZERO, STILL, ZERO),  # (26), (28)
+        "shaft_A4B4": Motion(rod_4, ZERO, STILL, ZERO),  # (29)-(31)
         "cross_B4": _at(knee, cross_4, ZERO),  # (27)
         "output_shaft": _at(knee, shaft, ZERO),  # (24)
     }
@@ -850,8 +758,8 @@ def _transmission_motions(
 def _cardan_turnings(thigh: _Thigh, q: Vector, v: Vector, shaft: Turning) -> tuple[Turning, Turning]:
     """Crosses and Cardan shaft as the U joints hold them; (26), (27) and (29) neglect their coupling."""
     a, b = _cardan(thigh, q, v)
-    cross_4 = _turn(shaft, "y", a)
-    return cross_4, _turn(cross_4, "x", b)
+    cross_4 = hinged(shaft, "y", a)
+    return cross_4, hinged(cross_4, "x", b)
 
 
 _SPINNING = ("cross_A4", "shaft_A4B4", "cross_B4")
@@ -885,18 +793,18 @@ def _shank_motions(leg: OmniLeg, q: Vector, v: Vector, knee: Motion) -> dict[str
     motions = {}
     for i, psi in enumerate(leg.psi, 1):
         s, c = sin(psi), cos(psi)
-        chain = Turning(rotation_z(s, c), _STILL, ZERO, ZERO)
-        upper = _turn(chain, "x", gamma)  # (34), (41)
-        lower = _turn(chain, "x", _opposite(gamma))  # (37): gamma + phi = -gamma
+        chain = Turning(rotation_z(s, c), STILL, ZERO, ZERO)
+        upper = hinged(chain, "x", gamma)  # (34), (41)
+        lower = hinged(chain, "x", _opposite(gamma))  # (37): gamma + phi = -gamma
         at_c = _at(knee, upper, (leg.R_C * c, leg.R_C * s, leg.L5))
-        at_d = _shift(at_c, matvec(upper.rotation, (0.0, 0.0, leg.L4)))  # (38)
+        at_d = shifted(at_c, matvec(upper.rotation, (0.0, 0.0, leg.L4)))  # (38)
         motions[f"driven_gear_{i}"] = at_c
         motions[f"link_C{i}D{i}"] = at_c  # (34)-(36), (41)-(43)
         motions[f"link_D{i}E{i}"] = Motion(lower, *at_d)  # (37)-(43)
     below = (0.0, 0.0, leg.L5 + 2.0 * leg.L4 * gamma.cosine)
     columns = (knee.columns[0], knee.columns[1], (0.0, 0.0, -(2.0 * leg.L4 * gamma.sine)))
     fall = (0.0, 0.0, -(2.0 * leg.L4 * gamma.cosine * v[2] * v[2]))
-    motions["foot"] = Motion(_FIXED, add(knee.origin, below), columns, add(knee.bias, fall))  # (14)
+    motions["foot"] = Motion(FIXED, add(knee.origin, below), columns, add(knee.bias, fall))  # (14)
     return motions
 
 
@@ -983,7 +891,7 @@ def _dynamic_bodies(leg: OmniLeg) -> tuple[Body, ...]:
     """The bodies as the transmission model weighs them."""
     if leg.transmission != "none":
         return leg.bodies
-    return tuple(body._replace(inertia=_STILL) if body.name in _SPINNING else body for body in leg.bodies)
+    return tuple(body._replace(inertia=STILL) if body.name in _SPINNING else body for body in leg.bodies)
 
 
 class _Spin(NamedTuple):
@@ -1043,14 +951,8 @@ def _spin_torque(spin: _Spin, v: Vector, a: Vector) -> Vector:
 
 def kinetic_energy(leg: OmniLeg, q: Vector, v: Vector) -> Scalar:
     """Kinetic energy of the 25 bodies and the rotors, J. The tensor of (44) is R I R^T, about the centre of mass."""
-    energy: Scalar = 0.0
     motions = body_motions(leg, q, v)
-    for body in _dynamic_bodies(leg):
-        motion = motions[body.name]
-        w = motion.turning.velocity
-        velocity = matvec(transpose(centre_of_mass(motion, body.com).columns), v)
-        tensor = rotate_tensor(motion.turning.rotation, body.inertia)
-        energy = energy + 0.5 * dot(w, matvec(tensor, w)) + 0.5 * body.mass * dot(velocity, velocity)  # (44)
+    energy = kinetic(_dynamic_bodies(leg), motions, v)  # (44)
     for spin in _spins(leg, motions):
         energy = energy + _spin_energy(spin, v)
     for inertia, rate in zip(leg.rotor_inertia, v, strict=True):
@@ -1063,11 +965,7 @@ def potential_energy(leg: OmniLeg, q: Vector, gravity: Vector) -> Scalar:
 
     (44) writes m g P with P a height; Z0 points down, so that P_z itself would have the wrong sign.
     """
-    energy: Scalar = 0.0
-    motions = body_motions(leg, q, ZERO)
-    for body in leg.bodies:
-        energy = energy - body.mass * dot(gravity, centre_of_mass(motions[body.name], body.com).position)  # (44)
-    return energy
+    return potential(leg.bodies, body_motions(leg, q, ZERO), gravity)  # (44)
 
 
 def lagrangian(leg: OmniLeg, q: Vector, v: Vector, gravity: Vector) -> Scalar:
@@ -1078,21 +976,15 @@ def lagrangian(leg: OmniLeg, q: Vector, v: Vector, gravity: Vector) -> Scalar:
 def mass_matrix(leg: OmniLeg, q: Vector) -> Matrix:
     """Inertia matrix M of (46), kg·m²: sum over bodies of m v_i · v_j + w_i · I w_j, plus the rotors."""
     motions = body_motions(leg, q, ZERO)
-    upper: dict[tuple[int, int], Scalar] = {(i, j): 0.0 for i in range(3) for j in range(i, 3)}
-    for body in _dynamic_bodies(leg):
-        motion = motions[body.name]
-        angular = motion.turning.columns
-        linear = centre_of_mass(motion, body.com).columns
-        tensor = rotate_tensor(motion.turning.rotation, body.inertia)
-        momenta = tuple(matvec(tensor, w) for w in angular)
-        for (i, j), value in upper.items():
-            upper[i, j] = value + body.mass * dot(linear[i], linear[j]) + dot(angular[i], momenta[j])  # (46)
+    matrix = inertia_matrix(_dynamic_bodies(leg), motions)  # (46)
     for spin in _spins(leg, motions):
-        for (i, j), value in upper.items():
-            upper[i, j] = value + _spin_inertia(spin, i, j)
-    for i in range(3):
-        upper[i, i] = upper[i, i] + leg.rotor_inertia[i]
-    return tuple(tuple(upper[min(i, j), max(i, j)] for j in range(3)) for i in range(3))
+        matrix = tuple(
+            tuple(value + _spin_inertia(spin, i, j) for j, value in enumerate(row)) for i, row in enumerate(matrix)
+        )
+    return tuple(
+        tuple(value + leg.rotor_inertia[i] if i == j else value for j, value in enumerate(row))
+        for i, row in enumerate(matrix)
+    )
 
 
 def dissipation_torque(leg: OmniLeg, q: Vector, v: Vector) -> Vector:
@@ -1131,19 +1023,7 @@ def inverse_dynamics(leg: OmniLeg, q: Vector, v: Vector, a: Vector, gravity: Vec
         dissipation_torque(leg, q, v), tuple(inertia * a_i for inertia, a_i in zip(leg.rotor_inertia, a, strict=True))
     )
     motions = body_motions(leg, q, v)
-    for body in _dynamic_bodies(leg):
-        motion = motions[body.name]
-        angular, w = motion.turning.columns, motion.turning.velocity
-        centre = centre_of_mass(motion, body.com)
-        tensor = rotate_tensor(motion.turning.rotation, body.inertia)
-        acceleration = add(matvec(transpose(centre.columns), a), centre.bias)
-        angular_acceleration = add(matvec(transpose(angular), a), motion.turning.bias)
-        force = scale(body.mass, subtract(acceleration, gravity))
-        moment = add(matvec(tensor, angular_acceleration), cross(w, matvec(tensor, w)))
-        torque = tuple(
-            t + dot(linear_i, force) + dot(angular_i, moment)
-            for t, linear_i, angular_i in zip(torque, centre.columns, angular, strict=True)
-        )  # (45)
+    torque = add(torque, virtual_work(_dynamic_bodies(leg), motions, a, gravity))  # (45)
     for spin in _spins(leg, motions):
         torque = add(torque, _spin_torque(spin, v, a))
     return torque
@@ -1156,13 +1036,7 @@ def bias(leg: OmniLeg, q: Vector, v: Vector, gravity: Vector) -> Vector:
 
 def gravity_torque(leg: OmniLeg, q: Vector, gravity: Vector) -> Vector:
     """G of (46): joint torques that hold the leg still against gravity, N·m."""
-    motions = body_motions(leg, q, ZERO)
-    torque: Vector = ZERO
-    for body in leg.bodies:
-        weight = scale(body.mass, gravity)
-        columns = centre_of_mass(motions[body.name], body.com).columns
-        torque = tuple(t - dot(column, weight) for t, column in zip(torque, columns, strict=True))  # (46)
-    return torque
+    return gravity_force(leg.bodies, body_motions(leg, q, ZERO), gravity)  # (46)
 
 
 def forward_dynamics(leg: OmniLeg, q: Vector, v: Vector, torque: Vector, gravity: Vector) -> Vector:

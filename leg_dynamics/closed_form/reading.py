@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from leg_dynamics.closed_form.rigid_body import Body, Dissipation
 from leg_dynamics.errors import FormulaAssumptionError
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description, LoopEnd
 
-__all__ = ["MergedInertia", "ZeroPose", "broken_assumption", "without_rounding"]
+__all__ = ["FileReader", "MergedInertia", "ZeroPose", "broken_assumption", "without_rounding"]
 
 _ROUNDING = 1e-15
+_STANDARD_GRAVITY = 9.81
 
 
 def broken_assumption(
@@ -143,3 +145,71 @@ class ZeroPose:
             d = part.com - com
             inertia += part.inertia + part.mass * (d @ d * np.eye(3) - np.outer(d, d))
         return MergedInertia(mass, com, inertia)
+
+
+class FileReader:
+    """What every leg with formulas reads from its file: named links in the hip's frame, motors, losses, gravity.
+
+    Parameters
+    ----------
+    description : Description
+    tolerance : float
+        Greatest deviation from an assumption, m or rad.
+    bodies : tuple of str
+        Links that move rigidly, each with what is fixed to it.
+    others : tuple of str
+        Further links that must be there.
+    """
+
+    def __init__(
+        self, description: Description, tolerance: float, bodies: tuple[str, ...], others: tuple[str, ...] = ()
+    ) -> None:
+        self.description = description
+        self.tolerance = tolerance
+        for name in (*bodies, *others):
+            if not description.has_link(name):
+                raise self.broken(f"link {name!r}", "missing", "present")
+        self.pose = ZeroPose(description, "hip")
+        self.moving = bodies
+        self.bodies = (*bodies, "hip")
+
+    def broken(
+        self, element: str, found: object, expected: object, tolerance: float | None = None
+    ) -> FormulaAssumptionError:
+        """Error that names what breaks an assumption."""
+        return broken_assumption(self.description, element, found, expected, tolerance)
+
+    def merged_bodies(self, rotations: Mapping[str, np.ndarray], origins: Mapping[str, np.ndarray]) -> tuple[Body, ...]:
+        """Inertia of every moving body in the frame of that rotation (3, 3) and origin (3,), m."""
+        groups: dict[str, list[str]] = {name: [] for name in self.moving}
+        for link in self.description.links:
+            body = self.pose.body_of(link.name, self.bodies)
+            if body in groups:
+                groups[body].append(link.name)
+        bodies = []
+        for name, links in groups.items():
+            mass, com, inertia = self.pose.merged_inertia(links, rotations[name], origins[name])
+            tensor = tuple(tuple(row) for row in (0.5 * (inertia + inertia.T)).tolist())
+            bodies.append(Body(name, float(mass), tuple(com.tolist()), tensor))
+        return tuple(bodies)
+
+    def drive_inertia(self, joints: tuple[str, ...]) -> tuple[float, ...]:
+        """Rotor inertia felt at each of the driven joints, kg·m² or kg."""
+        felt = dict.fromkeys(joints, 0.0)
+        for transmission in self.description.transmissions:
+            if transmission.joint not in felt:
+                expected = f"{', '.join(joints[:-1])} or {joints[-1]}"
+                raise self.broken(f"the joint of transmission {transmission.name!r}", transmission.joint, expected)
+            felt[transmission.joint] += transmission.rotor_inertia * transmission.reduction**2
+        return tuple(felt.values())
+
+    def dissipation(self, joints: Iterable[str]) -> tuple[Dissipation, ...]:
+        """Damping and friction of those joints that have any."""
+        listed = (self.description.joint(name) for name in joints)
+        return tuple(Dissipation(j.name, j.damping, j.friction) for j in listed if j.damping or j.friction)
+
+    def gravity(self) -> tuple[float, ...]:
+        """Acceleration of gravity in the hip frame while the root is level, m/s²."""
+        rotation = self.pose.transform("hip", self.description.root)[:3, :3]
+        down = np.array([0.0, 0.0, -_STANDARD_GRAVITY])
+        return tuple(without_rounding(rotation.T @ down, _STANDARD_GRAVITY).tolist())

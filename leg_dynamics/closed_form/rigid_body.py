@@ -33,6 +33,7 @@ from leg_dynamics.closed_form.algebra import (
 
 __all__ = [
     "FIXED",
+    "STILL",
     "Angle",
     "Body",
     "CentreOfMass",
@@ -46,6 +47,7 @@ __all__ = [
     "inertia_matrix",
     "kinetic",
     "potential",
+    "shifted",
     "slid",
     "virtual_work",
 ]
@@ -131,8 +133,9 @@ class CentreOfMass(NamedTuple):
     """Acceleration at zero acceleration of the coordinates, m/s²."""
 
 
-_STILL = (ZERO, ZERO, ZERO)
-FIXED = Turning(IDENTITY, _STILL, ZERO, ZERO)
+STILL = (ZERO, ZERO, ZERO)
+"""Influence coefficients of what does not move; also the tensor of a point mass."""
+FIXED = Turning(IDENTITY, STILL, ZERO, ZERO)
 """The hip itself."""
 
 
@@ -174,19 +177,22 @@ def slid(base: Motion, slide: Slide) -> Motion:
     return Motion(turning, add(base.origin, lever), (first, second, third), bias)
 
 
-def centre_of_mass(motion: Motion, com: Vector) -> CentreOfMass:
-    """Position, influence coefficients and bias acceleration of a point `com` given in the body's frame (m)."""
-    lever = matvec(motion.turning.rotation, com)
-    w = motion.turning.velocity
+def shifted(base: Motion, lever: Vector) -> CentreOfMass:
+    """Motion of the point of a body at `lever` (hip frame, m) from its frame's origin."""
+    w = base.turning.velocity
     first, second, third = (
-        add(linear, cross(angular, lever))
-        for linear, angular in zip(motion.columns, motion.turning.columns, strict=True)
+        add(linear, cross(angular, lever)) for linear, angular in zip(base.columns, base.turning.columns, strict=True)
     )
     return CentreOfMass(
-        add(motion.origin, lever),
+        add(base.origin, lever),
         (first, second, third),
-        total((motion.bias, cross(motion.turning.bias, lever), cross(w, cross(w, lever)))),
+        total((base.bias, cross(base.turning.bias, lever), cross(w, cross(w, lever)))),
     )
+
+
+def centre_of_mass(motion: Motion, com: Vector) -> CentreOfMass:
+    """Position, influence coefficients and bias acceleration of a point `com` given in the body's frame (m)."""
+    return shifted(motion, matvec(motion.turning.rotation, com))
 
 
 def kinetic(bodies: Sequence[Body], motions: Mapping[str, Motion], v: Vector) -> Scalar:

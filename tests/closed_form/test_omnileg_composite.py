@@ -9,7 +9,7 @@ import casadi
 import numpy as np
 import pytest
 
-from leg_dynamics.closed_form import omnileg
+from leg_dynamics.closed_form import algebra, omnileg
 from leg_dynamics.closed_form.omnileg import BASE_PARAMETER_NAMES, BASE_PARAMETER_UNITS, TRANSMISSIONS
 from leg_dynamics.description import read
 
@@ -165,7 +165,7 @@ def documented_lagrangians(transmission, L1, q, v, g):
     sin, cos = casadi.sin, casadi.cos
 
     def rotation(axis, angle):
-        matrices = (omnileg.rotation_x, omnileg.rotation_y, omnileg.rotation_z)
+        matrices = (algebra.rotation_x, algebra.rotation_y, algebra.rotation_z)
         return casadi.vertcat(*(casadi.horzcat(*row) for row in matrices["xyz".index(axis)](sin(angle), cos(angle))))
 
     def rate(value):
