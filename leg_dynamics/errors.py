@@ -34,6 +34,7 @@ __all__ = [
     "RowFailures",
     "ShapeError",
     "SingularityError",
+    "StudyError",
     "TrajectoryError",
     "UnsafeXmlError",
     "UnsupportedError",
@@ -144,6 +145,10 @@ class TrajectoryError(LegDynamicsError, ValueError):
 
 class WorkspaceError(LegDynamicsError, ValueError):
     """A leg has no workspace to speak of, or a point that should be in it is not; `margin` says by how much."""
+
+
+class StudyError(LegDynamicsError, ValueError):
+    """A design study cannot be run, resumed or read as asked."""
 
 
 class PreviewError(LegDynamicsError, RuntimeError):

@@ -49,7 +49,7 @@ def read_telescopes(nodes: list[Node], joints: Mapping[str, Joint]) -> tuple[Tel
         if name not in joints:
             raise node.error(f"<telescope> names an unknown joint {name!r}{nearest(name, joints)}")
         if joints[name].type != "prismatic":
-            raise node.error(f"<telescope> names joint {name!r}, which is {joints[name].type}: only prismatic ones slide")
+            raise node.error(f"joint {name!r} of <telescope> is {joints[name].type}: only a prismatic one slides")
         if name in found:
             raise node.error(f"joint {name!r} has a second <telescope>: the first is on line {found[name].line}")
         sleeve, rod, overlap = (_length(node, key) for key in ("sleeve", "rod", "overlap"))

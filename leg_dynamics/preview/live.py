@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from leg_dynamics.description.model import Description
 from leg_dynamics.errors import PreviewError
+from leg_dynamics.preview.cloud import Cloud
 from leg_dynamics.preview.scene import Scene, build_scene
 
 __all__ = ["LiveView", "show_live"]
@@ -165,6 +166,7 @@ def show_live(
     efforts: Mapping[str, ArrayLike] | None = None,
     actuator_links: Mapping[str, str] | None = None,
     effort_limits: Mapping[str, float] | None = None,
+    cloud: Cloud | None = None,
     fps: float = 30.0,
     open_browser: bool = False,
     loop: bool = False,
@@ -185,6 +187,8 @@ def show_live(
         Foot positions in the root frame, m: drawn as a coloured line.
     foot_force, efforts, actuator_links, effort_limits
         Forces to show, as for `leg_dynamics.preview.scene.build_scene`.
+    cloud : Cloud, optional
+        Points to show beside the mechanism, such as its workspace.
     fps : float
         Animation frames a second.
     open_browser : bool
@@ -213,6 +217,7 @@ def show_live(
         efforts=efforts,
         actuator_links=actuator_links,
         effort_limits=effort_limits,
+        cloud=cloud,
         fps=fps,
         loop=loop,
     )

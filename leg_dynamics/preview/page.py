@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from leg_dynamics.description.model import Description
 from leg_dynamics.errors import PreviewError
+from leg_dynamics.preview.cloud import Cloud
 from leg_dynamics.preview.commands import load_meshcat
 from leg_dynamics.preview.scene import Scene, build_scene
 
@@ -31,6 +32,7 @@ def write_html(
     efforts: Mapping[str, ArrayLike] | None = None,
     actuator_links: Mapping[str, str] | None = None,
     effort_limits: Mapping[str, float] | None = None,
+    cloud: Cloud | None = None,
     title: str | None = None,
     fps: float = 30.0,
     loop: bool = True,
@@ -54,6 +56,8 @@ def write_html(
         Foot positions in the root frame, m: drawn as a coloured line.
     foot_force, efforts, actuator_links, effort_limits
         Forces to show, as for `leg_dynamics.preview.scene.build_scene`; a legend gives their scales and values.
+    cloud : Cloud, optional
+        Points to show beside the mechanism, such as its workspace.
     title : str, optional
         Heading; the mechanism's name by default.
     fps : float
@@ -82,6 +86,7 @@ def write_html(
         efforts=efforts,
         actuator_links=actuator_links,
         effort_limits=effort_limits,
+        cloud=cloud,
         fps=fps,
         loop=loop,
     )
@@ -109,6 +114,8 @@ def _page(scene: Scene, name: str, title: str) -> str:
     facts.append(f"grid {1000.0 * scene.cell:.4g} mm")
     if scene.cyclic:
         facts.append("loops in whole cycles")
+    if scene.note:
+        facts.append(scene.note)
     parts = {
         "title": html.escape(title),
         "facts": html.escape(" \N{MIDDLE DOT} ".join(facts)),

@@ -28,6 +28,7 @@ from leg_dynamics.errors import (
     TrajectoryError,
 )
 from leg_dynamics.preview.arrow import ARROW_COLOUR, Arrow
+from leg_dynamics.preview.cloud import Cloud
 from leg_dynamics.preview.colours import diverging, hexadecimal
 from leg_dynamics.preview.commands import (
     Y_TO_Z,
@@ -92,6 +93,8 @@ class Scene:
     legend : mapping
         What the page's legend says about forces and efforts; empty where none is shown. It also travels in the
         commands, as the `userData` of ``/leg``.
+    note : str
+        What the colours of a cloud mean.
     """
 
     commands: tuple[Mapping[str, Any], ...]
@@ -103,6 +106,7 @@ class Scene:
     cell: float
     cyclic: bool = False
     legend: Mapping[str, Any] = field(default_factory=dict)
+    note: str = ""
 
     def packed(self) -> tuple[bytes, ...]:
         """Each command as the message that a meshcat viewer decodes."""
@@ -247,6 +251,7 @@ def build_scene(
     efforts: Mapping[str, ArrayLike] | None = None,
     actuator_links: Mapping[str, str] | None = None,
     effort_limits: Mapping[str, float] | None = None,
+    cloud: Cloud | None = None,
     fps: float = 30.0,
     loop: bool = True,
 ) -> Scene:
@@ -277,6 +282,8 @@ def build_scene(
         ``motor_<actuator>`` nor, without such a link, the child link of the actuated joint.
     effort_limits : mapping of str to float, optional
         Largest effort of an actuator, N·m or N; the limit of its joint where not given.
+    cloud : Cloud, optional
+        Points to show beside the mechanism, such as its workspace.
     fps : float
         Animation frames a second.
     loop : bool
@@ -323,6 +330,8 @@ def build_scene(
     points = [shape.bounds(transforms[link]) for link, drawn in shapes.items() for shape in drawn]
     if motion.foot_trace is not None:
         points.append(motion.foot_trace)
+    if cloud is not None:
+        points.append(cloud.points)
     lower, upper, radius = _box(points)
     cell = _round_length(2.0 * _GROUND_RADIUS * radius / _CELLS_ACROSS)
     arrow = None
@@ -341,10 +350,12 @@ def build_scene(
         _links(shapes, transforms),
         _trace(motion.foot_trace, radius),
         () if arrow is None else arrow.commands(),
+        () if cloud is None else cloud.commands(),
         [set_property("/leg", "userData", {"legend": legend})] if legend else (),
         _animation(clips, loop),
     )
-    return Scene(tuple(commands), start, duration, frames, lower, upper, cell, loop and last is not None, legend)
+    cyclic, note = loop and last is not None, "" if cloud is None else cloud.note
+    return Scene(tuple(commands), start, duration, frames, lower, upper, cell, cyclic, legend, note)
 
 
 def _box(points: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, float]:

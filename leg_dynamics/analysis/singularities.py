@@ -1,0 +1,221 @@
+"""Singular poses of any leg: which kind, how near, and where the first ones lie on a line.
+
+For a leg of closed loops three matrices can lose rank (Gosselin and Angeles 1990; Zlatanov et al. 1995): the foot
+Jacobian, the loop rows' columns of the joints that no actuator holds, and the loop rows themselves. All three come from
+the interface and the mechanism's description, for every route alike.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leg_dynamics.analysis.dexterity import column_scales, conditioning, home_length
+from leg_dynamics.analysis.loop_rows import loop_rows
+from leg_dynamics.errors import NonFiniteError, ParameterError, RowError, ShapeError, SingularityError
+
+if TYPE_CHECKING:
+    from leg_dynamics.leg import Leg
+
+__all__ = ["Singularity", "SingularityDistance", "singularity", "singularity_distance"]
+
+SINGULAR = 1e-6
+"""A singular value below this share of the largest counts as zero: the pose is singular."""
+
+_FALLEN = 0.05
+"""Of a singular value at the start: what is left of it at a singularity of its kind, within the bisection's reach."""
+
+_SCAN = 256
+"""Steps in which a line is searched for the first singularity on it."""
+
+
+@dataclass(frozen=True)
+class Singularity:
+    """How far one pose is from each kind of singularity.
+
+    Attributes
+    ----------
+    kinds : tuple of str
+        Those that the pose is in: ``serial`` (the foot Jacobian by the independent coordinates loses rank: the foot
+        cannot move in some direction), ``parallel`` (with the actuators locked the closed loops can still move: the
+        loop rows' columns of all joints that are not actuated lose rank), ``constraint`` (the loop rows themselves have
+        a smaller rank than at most poses: the mechanism gains a motion). Empty at a regular pose.
+    serial, parallel, constraint : float
+        Smallest singular value that must not vanish, as a share of the largest of its matrix; 1 where there is nothing
+        that could lose rank (no loops).
+    sign : int
+        Of det J (three coordinates; else +1): it changes at a serial or a parallel singularity.
+    characteristic_length : float
+        m; what makes rows and columns of both matrices comparable.
+    """
+
+    kinds: tuple[str, ...]
+    serial: float
+    parallel: float
+    constraint: float
+    sign: int
+    characteristic_length: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The numbers as JSON-ready values."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class SingularityDistance:
+    """Where the first singularities lie on a line of independent coordinates through a pose.
+
+    Attributes
+    ----------
+    ahead, behind : float
+        Distance along the direction, positive, and against it, negative, in units of the direction vector; infinite
+        where none was found within the search.
+    kind_ahead, kind_behind : str
+        ``serial``, ``parallel`` or ``constraint``, as for `Singularity`, ``assembly`` (the loops cannot be closed
+        beyond, and none of the three is near) or ``none``.
+    searched : float
+        How far was looked, both ways.
+    """
+
+    ahead: float
+    behind: float
+    kind_ahead: str
+    kind_behind: str
+    searched: float
+
+    @property
+    def margin(self) -> float:
+        """The nearer of the two, with its sign."""
+        return self.ahead if self.ahead <= -self.behind else self.behind
+
+
+def singularity(leg: Leg, q: ArrayLike, *, characteristic_length: float | None = None) -> Singularity:
+    """Which singularities a pose is in, and how far from each kind it is.
+
+    Parameters
+    ----------
+    leg : Leg
+    q : (n,) array_like
+        Independent coordinates, rad or m.
+    characteristic_length : float, optional
+        m; by default the distance from the hip to the foot in the home pose.
+
+    Returns
+    -------
+    Singularity
+
+    Raises
+    ------
+    AssemblyError, SingularityError
+        The loops cannot be closed there, or the route cannot follow the pose there.
+    ShapeError, NonFiniteError
+        `q` is not one finite sample.
+    """
+    column_scales(leg, characteristic_length)
+    length = home_length(leg) if characteristic_length is None else float(characteristic_length)
+    tree = leg.assemble(q)
+    if any(np.ndim(value) for value in tree.values()):
+        raise ShapeError("singularity takes one sample, shape (n,)")
+    J = leg.jacobian(q)
+    turning = np.array([unit == "rad" for unit in leg.units.joints])
+    serial = _share(np.linalg.svd(J * np.where(turning, 1.0 / length, 1.0), compute_uv=False), min(J.shape))
+    rows = loop_rows(leg.description, tree, length)
+    parallel = constraint = 1.0
+    if rows.matrix.size:
+        free = [k for k, name in enumerate(rows.joints) if name not in leg.backend.actuator_joints]
+        rank = len(rows.joints) - len(leg.joint_names)
+        constraint = _share(np.linalg.svd(rows.matrix, compute_uv=False), rank)
+        parallel = _share(np.linalg.svd(rows.matrix[:, free], compute_uv=False), len(free))
+    values = {"serial": serial, "parallel": parallel, "constraint": constraint}
+    kinds = tuple(kind for kind, value in values.items() if value < SINGULAR)
+    sign = int(np.sign(np.linalg.det(J))) if J.shape == (3, 3) else 1
+    return Singularity(kinds, serial, parallel, constraint, sign, length)
+
+
+def _share(sigma: np.ndarray, rank: int) -> float:
+    """The singular value that must not vanish for that rank, as a share of the largest."""
+    if rank < 1:
+        return 1.0
+    return float(sigma[rank - 1] / sigma[0]) if len(sigma) >= rank and sigma[0] > 0.0 else 0.0
+
+
+def singularity_distance(leg: Leg, q: ArrayLike, direction: ArrayLike, *, reach: float = 1.0) -> SingularityDistance:
+    """How far a pose can move along a line of independent coordinates before it meets a singularity.
+
+    The line is scanned for a change of the sign of det J or a pose that does not close, and the first one is narrowed
+    down by bisection; a double root between two scanned poses is not seen.
+
+    Parameters
+    ----------
+    leg : Leg
+        With three coordinates.
+    q : (3,) array_like
+        A regular pose.
+    direction : (3,) array_like
+        rad or m a unit of distance.
+    reach : float
+        How far to look both ways, in units of `direction`.
+
+    Returns
+    -------
+    SingularityDistance
+
+    Raises
+    ------
+    SingularityError
+        The pose itself is singular, or does not close.
+    ShapeError, NonFiniteError, ParameterError
+        An argument is not usable.
+    """
+    start, along = (np.asarray(value, dtype=float) for value in (q, direction))
+    if start.shape != (3,) or along.shape != (3,) or len(leg.joint_names) != 3:
+        raise ShapeError(f"q and direction need shape (3,), got {start.shape} and {along.shape}, on a leg with three")
+    if not (np.isfinite(start).all() and np.isfinite(along).all()):
+        raise NonFiniteError("q or direction is not finite")
+    if not (along.any() and math.isfinite(reach) and reach > 0.0):
+        raise ParameterError(f"direction {along.tolist()} and reach {reach!r} must not be zero, reach positive")
+    home = conditioning(leg.jacobian(start, on_error="nan"))
+    if not home.smallest > SINGULAR * home.largest:
+        raise SingularityError(
+            "the pose itself is singular or does not close: start from a regular one", margin=float(home.smallest)
+        )
+    sign = math.copysign(1.0, float(home.volume))
+
+    def regular(distance: np.ndarray) -> np.ndarray:
+        values = np.asarray(leg.jacobian(start + distance[:, None] * along, on_error="nan"))
+        volume = conditioning(values).volume
+        return volume * sign > 0.0
+
+    ends = []
+    for side in (1.0, -1.0):
+        steps = side * np.linspace(0.0, reach, _SCAN + 1)
+        inside = regular(steps)
+        first = np.flatnonzero(~inside)
+        if first.size == 0:
+            ends.append((side * math.inf, "none"))
+            continue
+        low, high = steps[first[0] - 1], steps[first[0]]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            if regular(np.array([middle]))[0]:
+                low = middle
+            else:
+                high = middle
+        kind = _kind_at(leg, start, start + low * along)
+        ends.append((low, kind))
+    return SingularityDistance(float(ends[0][0]), float(ends[1][0]), ends[0][1], ends[1][1], reach)
+
+
+def _kind_at(leg: Leg, start: np.ndarray, end: np.ndarray) -> str:
+    """Which singularity lies just beyond a pose: the kind whose measure has fallen most since the start."""
+    try:
+        first, last = (singularity(leg, pose) for pose in (start, end))
+    except RowError:
+        return "assembly"
+    fallen = {kind: getattr(last, kind) / getattr(first, kind) for kind in ("serial", "parallel", "constraint")}
+    kind = min(fallen, key=lambda name: fallen[name])
+    return kind if fallen[kind] < _FALLEN else "assembly"
