@@ -205,15 +205,15 @@ def _changed(source: str, overrides: tuple[tuple[str, float], ...]) -> Descripti
 def _design_derivative(recipe: Recipe, name: str) -> Mapping[str, float]:
     """Derivatives of the route's numbers by a design parameter, where they are not zero."""
     assert recipe.source is not None
-    route = recipe.backend()
+    route: Any = recipe.backend()
     value = recipe.description.parameters[name].value
     h = _SPACING * abs(value) or _SPACING
 
     def numbers(k: int) -> dict[str, float]:
         overrides = dict(recipe.overrides) | {name: value + k * h}
-        return route.numbers_of(_changed(recipe.source, tuple(overrides.items())))  # type: ignore[attr-defined, arg-type]
+        return route.numbers_of(_changed(recipe.source, tuple(overrides.items())))
 
-    centre = route.numbers_of(recipe.description)  # type: ignore[attr-defined]
+    centre = route.numbers_of(recipe.description)
     try:
         samples = {k: numbers(k) for k in (-3, -2, -1, 1, 2, 3)}
     except LegDynamicsError:
