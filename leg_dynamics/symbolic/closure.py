@@ -14,19 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from leg_dynamics.description.model import Description, Loop, LoopEnd
+from leg_dynamics.description.model import Description, Loop
 from leg_dynamics.errors import DescriptionError
-from leg_dynamics.symbolic.motion import Frames, Motion, Position, align_z
-from leg_dynamics.symbolic.numbers import Numbers
+from leg_dynamics.symbolic.motion import Frames, Motion, Position
 from leg_dynamics.symbolic.scalars import (
     IDENTITY,
     Matrix,
     Scalar,
     Vector,
-    add_vectors,
-    clean_matrix,
-    matmul,
-    matvec,
     mul,
 )
 from leg_dynamics.symbolic.tree import GROUND, Placement, Tree
@@ -87,17 +82,6 @@ class Row:
         return self.vector.cost
 
 
-class _End:
-    """A loop frame on its body, z along the loop's axis."""
-
-    def __init__(self, tree: Tree, loop: Loop, end: LoopEnd, role: str, numbers: Numbers) -> None:
-        link = tree.links[end.link]
-        axes = IDENTITY if loop.axis is None else align_z(loop.axis)
-        turned = matmul(link.rotation, matmul(clean_matrix(end.origin.rotation()), axes))
-        offset = matvec(link.rotation, numbers.vector(f"{loop.name}.{role}"))
-        self.placement = Placement(link.body, clean_matrix(turned), add_vectors(link.origin, offset))
-
-
 class Closure:
     """The rows of every loop of a description.
 
@@ -105,7 +89,6 @@ class Closure:
     ----------
     description : Description
     tree : Tree
-    numbers : Numbers
 
     Attributes
     ----------
@@ -117,7 +100,7 @@ class Closure:
         Their value is the cosine between axes that must point the same way, 1 on a closed loop.
     """
 
-    def __init__(self, description: Description, tree: Tree, numbers: Numbers) -> None:
+    def __init__(self, description: Description, tree: Tree) -> None:
         self.tree = tree
         self._frames: dict[tuple[object, ...], Frames] = {}
         self.basic: list[Row] = []
@@ -126,7 +109,7 @@ class Closure:
         for loop in description.loops:
             if loop.type not in TRANSLATIONS:
                 raise DescriptionError(f"loop {loop.name!r} has unsupported type {loop.type!r}", line=loop.line)
-            self._add(loop, numbers)
+            self._add(loop)
 
     def frames(self, body: int = GROUND, axes: Matrix = IDENTITY) -> Frames:
         """Frames relative to axes fixed on a body, shared between loops."""
@@ -135,9 +118,9 @@ class Closure:
             self._frames[key] = Frames(self.tree, body, axes)
         return self._frames[key]
 
-    def _add(self, loop: Loop, numbers: Numbers) -> None:
-        predecessor = _End(self.tree, loop, loop.predecessor, "predecessor", numbers).placement
-        successor = _End(self.tree, loop, loop.successor, "successor", numbers).placement
+    def _add(self, loop: Loop) -> None:
+        predecessor = self.tree.ends[loop.name, "predecessor"]
+        successor = self.tree.ends[loop.name, "successor"]
         basic = self._in_end_frame(loop, predecessor, successor, mirrored=False)
         self.basic += basic
         rows = list(basic)
@@ -151,16 +134,17 @@ class Closure:
         for body in around:
             frames = self.frames(body)
             reference = (loop.name, body)
+            where = self.tree.name_of(body)
             start, first = frames.place(predecessor)
             end, second = frames.place(successor)
             if len(TRANSLATIONS[loop.type]) == 3:
                 gap = second.minus(first)
                 rows += self._components(
-                    f"{loop.name}:gap in {body}", gap, (X, Y, Z), 1.0 / self.tree.length, reference
+                    f"{loop.name}:gap in {where}", gap, (X, Y, Z), 1.0 / self.tree.length, reference
                 )
             if ROTATIONS[loop.type] == SAME_AXIS:
                 difference = Position(1.0).plus(end, UNITS[Z]).minus(Position(1.0).plus(start, UNITS[Z]))
-                rows += self._components(f"{loop.name}:axes in {body}", difference, (X, Y, Z), 1.0, reference)
+                rows += self._components(f"{loop.name}:axes in {where}", difference, (X, Y, Z), 1.0, reference)
         self.candidates += [row for row in rows if row.vector.terms]
         frames = self.frames(predecessor.body, predecessor.rotation)
         orientation, _ = frames.place(successor)

@@ -48,6 +48,17 @@ LOST_SHARE = 0.01
 ITERATIONS = 12
 NEWTON_TRIALS = 8
 MOST_STAGES = 64
+# A walk: its longest step in the coordinates' norm, rad or shares of the length; how far off the closed pose it may
+# be, and how far off it may be to go on; its steps; the share of a step that the determinant allows.
+WALK_STEP = 0.4
+WALK_LOST = 0.5
+WALK_ON = 0.05
+WALK_ITERATIONS = 120
+WALK_TOLERANCE = 2e-13
+WALK_SHARE = 0.8
+WALK_PHASE = 0.7
+# On a walk pivots may change their signs, their product not: only their size counts.
+SMALLEST_WALK_PIVOT = 1e-5
 
 
 class _State:
@@ -55,19 +66,41 @@ class _State:
 
     def __init__(self, model: Model, y: Sequence[Scalar], z: Sequence[Scalar]) -> None:
         self.model = model
-        self.pose = Motion([*y, *z])
+        self.u: Sequence[Scalar] = [*y, *z]
+        self.pose = Motion(self.with_extras(self.u))
         self.closing: list[Scalar] = []
         if model.explicit is not None:
             self.pose, self.closing = model.explicit.solve(y)
-        self.u = self.pose.u
+            self.u = self.pose.u
         self.ground: Orientation = model.ground
         n, nz = model.n, model.nz
         self.residuals, partials = evaluate_rows(model.rows, self.pose)
+        partials = [self._without_extras(row) for row in partials]
         self.K_y = [[row.get(k, 0.0) for k in range(n)] for row in partials]
         entries: list[dict[int, Scalar]] = []
         for i, row in enumerate(partials):
             entries.append({j: row.get(n + model.columns[j], 0.0) for j in range(nz) if model.pattern[i, j] or i == j})
         self.factor = Factor(entries)
+
+    def with_extras(self, values: Sequence[Scalar], constant: bool = True) -> list[Scalar]:
+        """Values of u's coordinates, or (not `constant`) their rates, and those of the extra coordinates."""
+        result = list(values)
+        for extra in self.model.extras:
+            value: Scalar = extra.value if constant else 0.0
+            for k, slope in extra.slopes.items():
+                value = add(value, mul(slope, values[k]))
+            result.append(value)
+        return result
+
+    def _without_extras(self, derivatives: dict[int, Scalar]) -> dict[int, Scalar]:
+        """Derivatives by u alone, from those by u and the extra coordinates."""
+        size = self.model.n + self.model.nz
+        result = {k: x for k, x in derivatives.items() if k < size}
+        for number, extra in enumerate(self.model.extras):
+            along = derivatives.get(size + number, 0.0)
+            for k, slope in extra.slopes.items():
+                result[k] = add(result.get(k, 0.0), mul(slope, along))
+        return result
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
         """K_z^-1 right, in the order of z."""
@@ -76,22 +109,30 @@ class _State:
             result[column] = value
         return result
 
+    def solve_transposed(self, right: Sequence[Scalar]) -> list[Scalar]:
+        """K_z^-T right, in the order of the rows; `right` in the order of z."""
+        return self.factor.solve_transposed([right[column] for column in self.model.columns])
+
     def times_K_y(self, v: Sequence[Scalar]) -> list[Scalar]:
         """K_y v."""
         return [total(mul(entry, x) for entry, x in zip(row, v, strict=True)) for row in self.K_y]
 
     def reduce(self, tau: Sequence[Scalar]) -> list[Scalar]:
-        """Generalised forces at y that do the same work as those at u."""
+        """Generalised forces at y that do the same work as those at u and the extra coordinates."""
         n = self.model.n
+        tau = self._at_u(tau)
         if not self.model.nz:
             return list(tau[:n])
-        right = [tau[n + column] for column in self.model.columns]
-        multipliers = self.factor.solve_transposed(right)
+        multipliers = self.solve_transposed(tau[n:])
         result = list(tau[:n])
         for i, multiplier in enumerate(multipliers):
             for k in range(n):
                 result[k] = sub(result[k], mul(self.K_y[i][k], multiplier))
         return result
+
+    def _at_u(self, tau: Sequence[Scalar]) -> list[Scalar]:
+        folded = self._without_extras(dict(enumerate(tau)))
+        return [folded[k] for k in range(self.model.n + self.model.nz)]
 
     @cached_property
     def directions(self) -> list[list[Scalar]]:
@@ -108,7 +149,7 @@ class _State:
 
     def moving(self, rates: Sequence[Scalar], accelerations: Sequence[Scalar]) -> Motion:
         """The motion at this pose; what depends on the pose alone is shared."""
-        return self.pose.moving(rates, accelerations)
+        return self.pose.moving(self.with_extras(rates, False), self.with_extras(accelerations, False))
 
     def accelerations(self, rates: Sequence[Scalar], a: Sequence[Scalar]) -> list[Scalar]:
         """Accelerations of u at the independent accelerations a."""
@@ -125,8 +166,24 @@ class _State:
         values = list(self.closing)
         for pivot, sign, size in zip(self.factor.pivots, model.signs, model.sizes, strict=True):
             if not isinstance(pivot, float):
-                values.append(sign * pivot - SMALLEST_PIVOT * size)
-        return values + self._checks()
+                if model.walks:
+                    values.append(casadi.fabs(pivot) - SMALLEST_WALK_PIVOT * size)
+                else:
+                    values.append(sign * pivot - SMALLEST_PIVOT * size)
+        return values + self._room() + self._checks()
+
+    def _room(self) -> list[Scalar]:
+        """At least 0 in the box in which no way from home meets a singular pose, where ways are not walked."""
+        regularity = self.model.regularity
+        if regularity is None or regularity.crosses:
+            return []
+        values: list[Scalar] = []
+        for y, lower, upper in zip(self.u, regularity.lower.tolist(), regularity.upper.tolist(), strict=False):
+            if lower > -np.inf:
+                values.append(y - lower)
+            if upper < np.inf:
+                values.append(upper - y)
+        return values
 
     def _checks(self) -> list[Scalar]:
         """At least 0 where all loops are closed, also by rows that were not solved, and no pair is turned over."""
@@ -174,14 +231,15 @@ class _Build:
         self.continuation_step = continuation_step
         sizes = {"foot_force": 3, "gravity": 3, "tau": len(model.actuated)}
         self.arguments = [Argument(name, (sizes.get(name, model.n),)) for name in names]
-        if model.iterates:
+        # A walk begins at home: where it leads must not depend on what was asked before.
+        if model.restarts:
             self.arguments += [Argument("y_start", (model.n,)), Argument("z_start", (model.nz,))]
         self.symbols = {arg.name: casadi.SX.sym(arg.name, arg.size) for arg in self.arguments}
         self.z = casadi.SX.sym("z", model.nz if model.iterates else 0)
         self.values = {name: _entries(symbol) for name, symbol in self.symbols.items()}
         self.state = _State(model, self.values["q"], _entries(self.z))
         self.guards = list(self.state.guards)
-        if model.iterates:
+        if model.restarts:
             self.guards.append(MOST_STAGES - self._stages(self.values["q"], self.values["y_start"]))
 
     def __getitem__(self, name: str) -> list[casadi.SX]:
@@ -209,9 +267,8 @@ class _Build:
         start, end = self["y_start"], self["q"]
         y = [a + s * (b - a) for a, b in zip(start, end, strict=True)]
         there = _State(model, y, _entries(self.z))
-        residual = casadi.SX(0)
-        for value in there.residuals:
-            residual = casadi.fmax(residual, casadi.fabs(value))
+        # A sum, because the larger of a number and NaN is the number.
+        residual = casadi.SX(total(casadi.fabs(value) for value in there.residuals))
         step = there.solve(there.residuals)
         # NaN where a pivot has lost the seed's sign: the way there leads over a singular pose of the chosen rows, and
         # behind it another assembly mode may be found with the right signs again. The row cannot recover.
@@ -231,11 +288,76 @@ class _Build:
             most_stages=MOST_STAGES,
         )
 
+    @cached_property
+    def walk(self) -> Solver:
+        """Walk the straight way from home to q and see on every step that no singular pose lies on it.
+
+        One iteration makes one step along the way's tangent, as far as the determinant's square f cannot vanish
+        by its slope and the bound of its curvature, and one of Newton's across it. The share s of the way is an unknown
+        beside z.
+        """
+        model = self.model
+        regularity = model.regularity
+        assert regularity is not None
+        assert regularity.block is not None
+        n, nz = model.n, model.nz
+        inputs = list(self.symbols.values())
+        z, s, unused = casadi.SX.sym("z", nz), casadi.SX.sym("s"), casadi.SX.sym("stage")
+        home = [float(x) for x in model.seed[:n]]
+        change = [end - begin for begin, end in zip(home, self["q"], strict=True)]
+        there = _State(model, [begin + s * x for begin, x in zip(home, change, strict=True)], _entries(z))
+        tangent = there.solve([neg(x) for x in there.times_K_y(change)])
+        correction = there.solve(there.residuals)
+        value = casadi.SX(regularity.block.determinant(there.pose))
+        arguments = casadi.vertcat(s, z)
+        slope = casadi.jtimes(value, arguments, casadi.vertcat(1.0, _column(tangent)))
+        f = value * value / regularity.scale - regularity.floor
+        slope = 2.0 * value * slope / regularity.scale
+        units = [float(x) for x in model.unit]
+        farthest = casadi.SX(0)
+        for x, unit in zip(change, units, strict=False):
+            farthest = casadi.fmax(farthest, casadi.fabs(x) / unit)
+        # At home itself the way has no length, and the step is any.
+        squared = farthest * farthest + 1e-12
+        bend = (regularity.bend + regularity.bend_share * casadi.fmax(f, 0.0)) * squared
+        allowed = WALK_SHARE * (slope + casadi.sqrt(slope * slope + 2.0 * bend * f)) / bend
+        speed = total((x / unit) * (x / unit) for x, unit in zip([*change, *tangent], units, strict=True))
+        # The bound of the bend is one of f at the same place: it holds for a part of f's oscillation.
+        slowest = casadi.fmax(speed / WALK_STEP**2, squared * (regularity.bend_share / WALK_PHASE**2))
+        allowed = casadi.fmin(allowed, 1.0 / casadi.sqrt(slowest + 1e-12))
+        off = total((x / unit) * (x / unit) for x, unit in zip(correction, units[n:], strict=True))
+        # NaN behind a singular pose, and where the walk has lost the closed pose: the row ends.
+        fine = casadi.fmin(f, WALK_LOST**2 - off) if nz else f
+        fine = casadi.sqrt(fine) / casadi.sqrt(casadi.fabs(fine))
+        left = 1.0 - s
+        ahead = casadi.fmin(allowed, left) * fine
+        if nz:
+            ahead = casadi.if_else(off <= WALK_ON**2, ahead, 0.0)
+        residual = (total(casadi.fabs(x) for x in there.residuals) + casadi.fabs(left)) * fine
+        step = [x - ahead * y for x, y in zip(correction, tangent, strict=True)]
+        start = [casadi.SX(float(x)) for x in [*model.seed[n:], 0.0]]
+        return Solver(
+            size=nz + 1,
+            start=_function("start", inputs, [_column(start)], model.numbers),
+            stages=_function("stages", inputs, [casadi.SX(1.0)], model.numbers),
+            step=_function(
+                "step", [*inputs, unused, casadi.vertcat(z, s)], [_column([*step, -ahead]), residual], model.numbers
+            ),
+            tolerance=WALK_TOLERANCE,
+            iterations=WALK_ITERATIONS,
+            most_stages=1,
+        )
+
     def program(self, name: str, outputs: Sequence[tuple[str, tuple[int, ...], Sequence[Scalar]]]) -> Program:
         """Pack outputs, each (name, shape, entries row by row), into a Program; z comes last, for the next start."""
         inputs = list(self.symbols.values())
-        if self.model.iterates:
+        solver = None
+        if self.model.walks:
+            inputs.append(casadi.vertcat(self.z, casadi.SX.sym("s")))
+            solver = self.walk
+        elif self.model.restarts:
             inputs.append(self.z)
+            solver = self.solver
             unknowns = ("z", (self.model.nz,), _entries(self.z))
             outputs = [*outputs, unknowns]
         columns = [_column(values) for _, _, values in outputs]
@@ -245,7 +367,7 @@ class _Build:
             inputs=tuple(self.arguments),
             outputs=tuple(Argument(label, shape) for label, shape, _ in outputs),
             formula=formula,
-            solver=self.solver if self.model.iterates else None,
+            solver=solver,
         )
 
 
@@ -261,8 +383,8 @@ def _function(name: str, inputs: list[casadi.SX], outputs: list[casadi.SX], numb
 class Graphs:
     """The Programs of one mechanism, each made when it is asked for.
 
-    Inputs are ``q`` and, as the method needs them, ``v``, ``a``, ``tau``, ``foot_force``, ``gravity``; where loops have
-    to be closed, ``y_start`` and ``z_start`` follow: a closed pose of the assembly mode from which Newton starts.
+    Inputs are ``q`` and, as the method needs them, ``v``, ``a``, ``tau``, ``foot_force``, ``gravity``; where loops are
+    closed by Newton's method alone, ``y_start`` and ``z_start`` follow: a closed pose to start from.
 
     Parameters
     ----------
@@ -283,7 +405,7 @@ class Graphs:
         with the smallest; another pose, or the same a whole turn away, does not count.
         """
         model = self.model
-        if not model.iterates:
+        if not model.restarts:
             return CONTINUATION_STEPS[0]
         solver = _Build(model, ["q"], 1.0).solver
         n, start, target = model.n, model.seed, model.samples
@@ -304,7 +426,7 @@ class Graphs:
     def tree_coordinates(self) -> Program:
         """All tree joint coordinates that close the loops, in the tree's order."""
         build = self._build(["q"])
-        values = [joint.form.of(build.state.u) for joint in self.model.tree.joints]
+        values = [joint.form.of(build.state.pose.u) for joint in self.model.tree.joints]
         return build.program("tree_coordinates", [("tree_coordinates", (len(values),), values)])
 
     def _foot(self) -> None:
@@ -324,7 +446,8 @@ class Graphs:
         rows = []
         for i in range(3):
             for direction in state.directions:
-                rows.append(total(mul(partials.get(k, ZERO)[i], x) for k, x in enumerate(direction) if not is_zero(x)))
+                along = enumerate(state.with_extras(direction, False))
+                rows.append(total(mul(partials.get(k, ZERO)[i], x) for k, x in along if not is_zero(x)))
         return rows
 
     def foot_jacobian(self) -> Program:
@@ -386,7 +509,7 @@ class Graphs:
             assert model.foot is not None
             force = (neg(foot_force[0]), neg(foot_force[1]), neg(foot_force[2]))
             loads.append(Load(model.foot, force, state.ground, ZERO))
-        tau = project(loads, motion, len(state.u))
+        tau = project(loads, motion, len(motion.u))
         self._add_joint_forces(tau, v, motion)
         return state.reduce(tau)
 
@@ -412,7 +535,8 @@ class Graphs:
     def _transfer(self, state: _State) -> list[list[Scalar]]:
         """Rates of the actuated joints per independent velocity: m lists of n scalars."""
         forms = {joint.name: joint.form for joint in self.model.tree.joints}
-        return [[forms[name].rate(direction) for direction in state.directions] for name in self.model.actuated]
+        directions = [state.with_extras(direction, False) for direction in state.directions]
+        return [[forms[name].rate(direction) for direction in directions] for name in self.model.actuated]
 
     def _effort(self, build: _Build, generalized: Sequence[Scalar]) -> list[Scalar]:
         """Actuator efforts that do the same work as a generalised force at y."""
@@ -451,6 +575,8 @@ class Graphs:
         forms = {joint.name: joint.form for joint in self.model.tree.joints}
         directions = self.model.directions[np.isfinite(self.model.directions).all(axis=(1, 2))]
         rates = [directions[:, k] for k in range(directions.shape[1])]
+        # At the file's numbers extra coordinates rest.
+        rates += [np.zeros(len(directions)) for _ in self.model.extras]
         return np.stack([np.asarray(forms[name].rate(rates)) for name in self.model.actuated], axis=-1)
 
     def mass_matrix(self) -> Program:
@@ -460,7 +586,7 @@ class Graphs:
         return build.program("mass_matrix", [("M", (self.model.n, self.model.n), [x for row in M for x in row])])
 
     def _mass_matrix(self, state: _State) -> list[list[Scalar]]:
-        n, size = self.model.n, len(state.u)
+        n, size = self.model.n, len(state.pose.u)
         M: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
         still: list[Scalar] = [0.0] * size
         for k in range(n):
@@ -472,7 +598,8 @@ class Graphs:
                     for index, coefficient in joint.form.terms:
                         tau[index] = add(tau[index], mul(coefficient, force))
             for j in range(k + 1):
-                M[j][k] = M[k][j] = total(mul(x, y) for x, y in zip(state.directions[j], tau, strict=True))
+                along = state.with_extras(state.directions[j], False)
+                M[j][k] = M[k][j] = total(mul(x, y) for x, y in zip(along, tau, strict=True))
         return M
 
     def bias(self) -> Program:
@@ -615,11 +742,12 @@ class Graphs:
         if not self.model.iterates:
             return derivative
         moved = casadi.jacobian(_column(build.state.residuals), parameters)
-        follow = [
-            _column(build.state.solve([neg(x) for x in _entries(casadi.densify(moved[:, k]))]))
-            for k in range(parameters.numel())
+        # By multipliers: as many solutions as there are values, however many parameters.
+        by_z = casadi.densify(casadi.jacobian(column, build.z))
+        multipliers = [
+            _column(build.state.solve_transposed(_entries(casadi.densify(by_z[i, :].T)))) for i in range(column.numel())
         ]
-        return derivative + casadi.jtimes(column, build.z, casadi.horzcat(*follow))
+        return derivative - casadi.mtimes(casadi.horzcat(*multipliers).T, moved)
 
 
 def _side_by_side(blocks: Sequence[tuple[Sequence[casadi.SX], int]], height: int) -> list[casadi.SX]:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from leg_dynamics.description.model import Description
 from leg_dynamics.description.topology import actuated_joints
 from leg_dynamics.symbolic.closure import Closure, Row, row_arrays, second_derivatives
-from leg_dynamics.symbolic.coordinates import Coordinates, Relation, reduce_coordinates
+from leg_dynamics.symbolic.coordinates import Coordinates, Form, Relation, reduce_coordinates
 from leg_dynamics.symbolic.dynamics import Body, bodies_of, mass_moment, reduce_inertia, regressor
 from leg_dynamics.symbolic.elimination import Pivots, choose_pivots
 from leg_dynamics.symbolic.explicit import Explicit, find_explicit
 from leg_dynamics.symbolic.motion import Motion, Orientation, Position
-from leg_dynamics.symbolic.numbers import Numbers, is_inertial
+from leg_dynamics.symbolic.numbers import Extra, Numbers, is_inertial, with_varied_ratios
+from leg_dynamics.symbolic.regularity import Block, Regularity, measured, survey
 from leg_dynamics.symbolic.relations import find_relations
 from leg_dynamics.symbolic.sampling import ClosureArrays, sample_closed
 from leg_dynamics.symbolic.scalars import Scalar
@@ -67,6 +68,8 @@ class Model:
     numbers : Numbers
     explicit : Explicit or None
         How to close the loops without iteration, where that is possible.
+    regularity : Regularity or None
+        Where singular poses of the closure are; None where there are no loops to close.
     """
 
     coordinates: Coordinates
@@ -89,6 +92,7 @@ class Model:
     actuated: tuple[str, ...]
     numbers: Numbers
     explicit: Explicit | None
+    regularity: Regularity | None
 
     @property
     def n(self) -> int:
@@ -101,15 +105,30 @@ class Model:
         return self.coordinates.unknowns
 
     @property
+    def extras(self) -> list[Extra]:
+        """Coordinates beside u that stand for parameters."""
+        return self.numbers.extras.found
+
+    @property
     def iterates(self) -> bool:
         """Whether closing the loops needs Newton's method."""
         return self.nz > 0 and self.explicit is None
+
+    @property
+    def walks(self) -> bool:
+        """Whether every pose must be walked to, because singular poses lie between some of them and home."""
+        return self.regularity is not None and self.regularity.crosses
 
     @property
     def unit(self) -> np.ndarray:
         """Of u: 1 for angles, the characteristic length (m) for displacements; (nu,)."""
         by_name = {joint.name: joint.unit for joint in self.tree.joints}
         return np.array([by_name[name] for name in self.coordinates.names])
+
+    @property
+    def restarts(self) -> bool:
+        """Whether Newton's method starts from any closed pose that it is given."""
+        return self.iterates and not self.walks
 
 
 def search_box(description: Description, names: Sequence[str], length: float) -> tuple[np.ndarray, np.ndarray]:
@@ -165,18 +184,25 @@ def build_model(
     plain = Numbers.of(description)
     coordinates = reduce_coordinates(description)
     tree = build_tree(description, coordinates, plain, hip, length)
-    closure = Closure(description, tree, plain)
+    closure = Closure(description, tree)
     arrays = ClosureArrays(closure, coordinates.n, _units(tree, coordinates))
     state = find_seed(description, coordinates, arrays, seed)
     lower, upper = search_box(description, coordinates.names[: coordinates.n], length)
-    samples = sample_closed(arrays, state, lower, upper, SAMPLES)
+    samples, ways = sample_closed(arrays, state, lower, upper, SAMPLES)
+    regularity = None
+    if ways is not None:
+        regularity = survey(arrays, state, ways, lower, upper, _turns(description, coordinates))
+        if regularity.crosses:
+            block = _block(closure, coordinates, samples, arrays.unit)
+            regularity = measured(regularity, block, ways)
+    original = coordinates.names
     if simplify and coordinates.unknowns:
         relations: list[Relation] = find_relations(coordinates, samples, arrays.unit)
         if relations:
             reduced = reduce_coordinates(description, relations)
             order = [coordinates.names.index(name) for name in reduced.names]
             smaller = build_tree(description, reduced, plain, hip, length)
-            closed = Closure(description, smaller, plain)
+            closed = Closure(description, smaller)
             residual, _ = row_arrays(closed.basic, samples[:, order])
             if np.abs(residual).max(initial=0.0) < 1e-12:
                 coordinates, tree, closure = reduced, smaller, closed
@@ -197,20 +223,28 @@ def build_model(
     if simplify and not parameters:
         bodies = _merged(bodies, rows, K[:, list(pivots.rows)], samples, unit, n)
     explicit = None
-    if simplify and coordinates.unknowns:
+    if simplify and coordinates.unknowns and not (regularity is not None and regularity.crosses):
         explicit = find_explicit(closure.candidates, n, samples)
     numbers = plain
     if parameters:
-        numbers = plain.with_symbols(parameters)
+        numbers = plain.with_symbols(parameters, len(coordinates.names))
+        if geometric:
+            coordinates = with_varied_ratios(description, coordinates, numbers)
         tree = build_tree(description, coordinates, numbers, hip, length)
         if geometric:
-            closure = Closure(description, tree, numbers)
+            closure = Closure(description, tree)
             frames = closure.frames()
             by_name = {row.name: row for row in closure.candidates}
             rows = tuple(by_name[row.name] for row in rows)
             # Entries that vanish for these numbers need not vanish for others.
             pattern = np.ones_like(pattern)
         bodies = bodies_of(tree, frames)
+    if regularity is not None and regularity.block is not None:
+        # Its rows are those of the unknowns before relations, which are not used where numbers change the geometry.
+        block = replace(regularity.block, forms=tuple(coordinates.forms[name] for name in original))
+        if geometric:
+            block = replace(block, rows=tuple(by_name[row.name] for row in block.rows))
+        regularity = replace(regularity, block=block)
     mass, moment = mass_moment(bodies_of(tree, frames), tree.length)
     foot_at = None if foot is None else frames.place(tree.links[foot])[1]
     return Model(
@@ -234,6 +268,32 @@ def build_model(
         actuated_joints(description),
         numbers,
         explicit,
+        regularity,
+    )
+
+
+def _turns(description: Description, coordinates: Coordinates) -> np.ndarray:
+    """Whether a whole turn of each independent coordinate is one of every joint that it turns by a coupling, (n,)."""
+    whole = np.array([description.joint(name).unit == "rad" for name in coordinates.names[: coordinates.n]])
+    for form in coordinates.forms.values():
+        for k, coefficient in form.terms:
+            if k < coordinates.n and not float(coefficient).is_integer():
+                whole[k] = False
+    return whole
+
+
+def _block(closure: Closure, coordinates: Coordinates, samples: np.ndarray, unit: np.ndarray) -> Block:
+    """Rows that determine the unknowns in as many samples as possible."""
+    n = coordinates.n
+    _, K = row_arrays(closure.candidates, samples)
+    costs = [row.cost for row in closure.candidates]
+    pivots = choose_pivots((K * unit)[:, :, n:], costs, [row.reference for row in closure.candidates])
+    columns = tuple(n + column for column in pivots.columns)
+    return Block(
+        tuple(closure.candidates[row] for row in pivots.rows),
+        columns,
+        tuple(float(unit[column]) for column in columns),
+        tuple(Form(((k, 1.0),)) for k in range(len(unit))),
     )
 
 

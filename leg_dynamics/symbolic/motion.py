@@ -22,12 +22,12 @@ from leg_dynamics.symbolic.scalars import (
     Vector,
     add,
     add_vectors,
+    align_z,
     axis_rotation,
     clean,
     clean_matrix,
     cos,
     cross,
-    dot,
     is_zero,
     matmul,
     matvec,
@@ -113,17 +113,6 @@ class Orientation:
                 return self.turn(number, form.scaled(math.copysign(1.0, component)))
         align = align_z(axis)
         return self.constant(align).turn(2, form).constant(transpose(align))
-
-
-def align_z(axis: Sequence[float]) -> Matrix:
-    """A constant rotation whose third column is the unit vector `axis`; coordinate axes are mapped to each other."""
-    smallest = min(range(3), key=lambda i: abs(axis[i]))
-    z = (float(axis[0]), float(axis[1]), float(axis[2]))
-    helper = tuple(1.0 if i == smallest else 0.0 for i in range(3))
-    x = cross(helper, z)  # type: ignore[arg-type]
-    size = math.sqrt(dot(x, x))
-    x = (x[0] / size, x[1] / size, x[2] / size)
-    return clean_matrix(transpose((x, cross(z, x), z)))
 
 
 class Position:

@@ -14,13 +14,13 @@ import numpy as np
 from leg_dynamics.description.topology import actuated_joints
 from leg_dynamics.errors import AssemblyError, RowError, RowFailures, SingularityError, UnsupportedError
 from leg_dynamics.symbolic.coordinates import reduce_coordinates
-from leg_dynamics.symbolic.numbers import Numbers, is_inertial, number_values, parameter_names
+from leg_dynamics.symbolic.numbers import Numbers, is_inertial, number_values
 from leg_dynamics.symbolic.tree import build_tree, characteristic_length
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description
     from leg_dynamics.kernels.program import Program
-    from leg_dynamics.leg import Route
+    from leg_dynamics.leg import Quick, Route
     from leg_dynamics.symbolic.graphs import Graphs
     from leg_dynamics.symbolic.model import Model
 
@@ -62,6 +62,16 @@ class _Compiled(NamedTuple):
     solves: bool
     counter: Any = None
     """Of failed rows, where the kernel counts them."""
+
+
+def _without_force(function: Kernel) -> Kernel:
+    """The kernel of a leg without a foot: the interface's zero force, last but one, is none of its inputs."""
+
+    def free(*arrays: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+        result: np.ndarray = function(*arrays[:-2], arrays[-1], **({} if out is None else {"out": out}))
+        return result
+
+    return free
 
 
 class SymbolicRoute:
@@ -194,7 +204,8 @@ class SymbolicRoute:
         if self._compile is not None:
             program = build()
             kernel = self._compile(program)
-            return _Compiled(kernel, kernel, program.solver is not None)
+            solves = any(argument.name == "z_start" for argument in program.inputs)
+            return _Compiled(kernel, kernel, solves)
         from leg_dynamics.kernels import kernel as cached
         from leg_dynamics.kernels.cache import key_of
 
@@ -206,8 +217,10 @@ class SymbolicRoute:
 
     # ------------------------------------------------------------------ evaluation
 
-    def quick(self, name: str) -> Callable[..., np.ndarray | None] | None:
+    def quick(self, name: str) -> Quick | None:
         """Return the kernel of a method for arrays that need no checking, see `leg_dynamics.leg.QuickRoute`."""
+        from leg_dynamics.leg import Quick
+
         method = {"torque": FREE_TORQUE, "loaded_torque": "torque"}.get(name, name)
         if self._compile is not None or (name == method and name not in QUICK):
             return None
@@ -215,26 +228,26 @@ class SymbolicRoute:
             kernel = self._kernel(method)
         except RowError:  # no assembly mode is defined: every row is the fallback's
             return None
-        ufunc, counter, solves = kernel.single, kernel.counter, kernel.solves
-        # Where there is no foot, the interface's zero force is none of the program's inputs.
-        superfluous = -2 if method in ("torque", "generalized_force", "acceleration") and not self.has_foot else None
+        single, batch = kernel.single, kernel.batch
+        if kernel.solves:
+            single, batch = self._started(single), self._started(batch)
+        if method in ("torque", "generalized_force", "acceleration") and not self.has_foot:
+            single, batch = _without_force(single), _without_force(batch)
+        return Quick(single, batch, kernel.counter)
 
-        def run(*arrays: np.ndarray) -> np.ndarray | None:
-            if superfluous is not None:
-                arrays = (*arrays[:superfluous], *arrays[superfluous + 1 :])
-            before = counter[0]
-            if not solves:
-                result: np.ndarray = ufunc(*arrays)
-                return result if counter[0] == before else None
+    def _started(self, function: Kernel) -> Kernel:
+        """The kernel from the home pose, or for one sample from this thread's last pose, without the unknowns."""
+
+        def solved(*arrays: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
             q = arrays[0]
-            result, z = ufunc(*arrays, *self._start(q, ()))
-            if counter[0] != before:
-                return None
-            if q.ndim == 1 and result.ndim == 1:
+            result: np.ndarray
+            given = {} if out is None else {"out": (out, None)}
+            result, z = function(*arrays, *self._start(q, ()), **given)
+            if q.ndim == 1 and result.ndim == 1 and z[0] == z[0]:
                 self._last.poses[()] = (q.copy(), z)
             return result
 
-        return run
+        return solved
 
     def _home(self, parameters: tuple[str, ...]) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
         """y and z of the home pose and the unit of y; kept in the cache, since they are all that a warm start needs."""
@@ -281,6 +294,16 @@ class SymbolicRoute:
             del poses[parameters]
             result, z = function(*arguments, *self._start(q, parameters))
         return result
+
+    def kernel_rows(self, method: str, q: np.ndarray) -> np.ndarray:
+        """A kinematic method of a batch (N, n) by its kernel alone; rows that it cannot compute are NaN.
+
+        For sampling, where most rows may lie beyond the reach and the fallback would look at each of them.
+        """
+        try:
+            return self._call(method, (q,))
+        except RowError:  # no assembly mode is defined: every row is the fallback's
+            return np.asarray(getattr(self, method)(q, RowFailures()))
 
     def _run(
         self,
@@ -506,11 +529,7 @@ class SymbolicRoute:
     # ------------------------------------------------------------------ derivatives
 
     def numbers_of(self, description: Description) -> dict[str, float]:
-        """Names and values of the numbers that the graphs take from a description.
-
-        The methods below differentiate by masses, centres of mass, inertias and lengths
-        (`leg_dynamics.symbolic.numbers.parameter_names`); the rest is there so that it is not overlooked.
-        """
+        """Names and values of the numbers that the graphs take from a description, see `numbers.parameter_names`."""
         return number_values(description)
 
     def torque_derivatives(
@@ -557,14 +576,11 @@ class SymbolicRoute:
         Raises
         ------
         ParameterError
-            The graphs do not depend on a number smoothly, or it is a direction, a loss or a ratio.
+            There is no such number, or it cannot be varied alone.
         """
         q = arguments[0]
         blocks = [self._rows(f"{method}_derivatives", arguments, (), shape, failures)]
-        known = set(parameter_names(self._description))
-        for name in numbers:
-            if name not in known:
-                Numbers.of(self._description).with_symbols([name])
+        Numbers.of(self._description).check(numbers)
         # Numbers that leave the geometry alone keep the loops' short solution.
         inertial = tuple(name for name in numbers if is_inertial(self._description, name))
         geometric = tuple(name for name in numbers if name not in inertial)

@@ -20,6 +20,8 @@ __all__ = [
     "Vector",
     "add",
     "add_vectors",
+    "align_z",
+    "atan2",
     "axis_rotation",
     "clean",
     "clean_matrix",
@@ -33,6 +35,7 @@ __all__ = [
     "neg",
     "scale",
     "sin",
+    "sqrt",
     "sub",
     "sub_vectors",
     "total",
@@ -117,6 +120,20 @@ def cos(x: Scalar) -> Scalar:
     return np.cos(x) if isinstance(x, np.ndarray) else x.cos()
 
 
+def sqrt(x: Scalar) -> Scalar:
+    """Square root."""
+    if isinstance(x, float):
+        return math.sqrt(x)
+    return np.sqrt(x) if isinstance(x, np.ndarray) else x.sqrt()
+
+
+def atan2(y: Scalar, x: Scalar) -> Scalar:
+    """Angle of the point (x, y), rad."""
+    if isinstance(y, float) and isinstance(x, float):
+        return math.atan2(y, x)
+    return np.arctan2(y, x)
+
+
 def clean(x: Scalar, size: float = 1.0) -> Scalar:
     """A float without the rounding of numbers of that size; other scalars as they are."""
     if isinstance(x, float):
@@ -189,6 +206,17 @@ def matmul(a: Matrix, b: Matrix) -> Matrix:
     columns = transpose(b)
     rows = [tuple(dot(row, column) for column in columns) for row in a]
     return (rows[0], rows[1], rows[2])
+
+
+def align_z(axis: Sequence[float]) -> Matrix:
+    """A constant rotation whose third column is the unit vector `axis`; coordinate axes are mapped to each other."""
+    smallest = min(range(3), key=lambda i: abs(axis[i]))
+    z = (float(axis[0]), float(axis[1]), float(axis[2]))
+    helper = tuple(1.0 if i == smallest else 0.0 for i in range(3))
+    x = cross((helper[0], helper[1], helper[2]), z)
+    size = math.sqrt(dot(x, x))
+    x = (x[0] / size, x[1] / size, x[2] / size)
+    return clean_matrix(transpose((x, cross(z, x), z)))
 
 
 def axis_rotation(axis: int, angle: float) -> Matrix:

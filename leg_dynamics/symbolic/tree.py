@@ -7,14 +7,14 @@ constant axis by a linear form of u. Joints with several coordinates would be se
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from leg_dynamics.description.model import Description, Pose
+from leg_dynamics.description.model import Description, Joint, Loop, LoopEnd, Pose
 from leg_dynamics.description.topology import joints_depth_first
-from leg_dynamics.errors import DescriptionError, UnsupportedError
+from leg_dynamics.errors import DescriptionError, ParameterError, UnsupportedError
 from leg_dynamics.symbolic.coordinates import Coordinates, Form
 from leg_dynamics.symbolic.numbers import Numbers
 from leg_dynamics.symbolic.scalars import (
@@ -25,7 +25,11 @@ from leg_dynamics.symbolic.scalars import (
     Vector,
     add,
     add_vectors,
+    align_z,
+    atan2,
+    axis_rotation,
     clean_matrix,
+    cos,
     cross,
     dot,
     matmul,
@@ -33,6 +37,8 @@ from leg_dynamics.symbolic.scalars import (
     mul,
     neg,
     scale,
+    sin,
+    sqrt,
     sub,
     transpose,
 )
@@ -117,7 +123,7 @@ class Tree:
     Attributes
     ----------
     joints : tuple of TreeJoint
-        Joint i carries body i.
+        Joint i carries body i. Turns by parameters are among them, see `TURN`.
     links : mapping of str to Placement
     inertia : tuple of BodyInertia
         By body, in its frame.
@@ -125,6 +131,8 @@ class Tree:
         The mechanism's characteristic length, m.
     gravity : tuple of three floats
         The file's, in the hip frame, m/s².
+    ends : mapping of (str, str) to Placement
+        Loop frames, z along the loop's axis, by loop and role (``predecessor``, ``successor``).
     """
 
     joints: tuple[TreeJoint, ...]
@@ -132,6 +140,11 @@ class Tree:
     inertia: tuple[BodyInertia, ...]
     length: float
     gravity: tuple[float, float, float]
+    ends: Mapping[tuple[str, str], Placement] = field(default_factory=dict)
+
+    def name_of(self, body: int) -> str:
+        """The joint that carries a body."""
+        return "ground" if body == GROUND else self.joints[body].name
 
     def ancestors(self, body: int) -> list[int]:
         """The body and those that carry it, ground last."""
@@ -143,6 +156,76 @@ class Tree:
 
 
 STANDARD_GRAVITY = 9.81
+# In the names of joints that turn by a parameter, which no file's joint has.
+TURN = "\n"
+ROLL_PITCH_YAW = (0, 1, 2)
+
+
+class _Planter:
+    """Grows the tree: joints so far, and frames that are turned by numbers or by parameters."""
+
+    def __init__(self, numbers: Numbers) -> None:
+        self.numbers = numbers
+        self.joints: list[TreeJoint] = []
+
+    def turned(self, place: Placement, axis: int, form: Form) -> Placement:
+        """A frame turned about one of its coordinate axes; a turn by a parameter is a joint."""
+        if not form.terms:
+            return _place(place, axis_rotation(axis, form.constant), ZERO)
+        direction = (float(axis == 0), float(axis == 1), float(axis == 2))
+        name = f"{TURN}{len(self.joints)}"
+        self.joints.append(TreeJoint(name, "revolute", place.body, place, direction, form, 1.0, 0.0, 0.0, 0.0))
+        return Placement(len(self.joints) - 1, IDENTITY, ZERO)
+
+    def placed(self, parent: Placement, pose: Pose, position: str, angles: str) -> Placement:
+        """The frame of a pose whose numbers have these names."""
+        origin, rpy = self.numbers.vector(position), self.numbers.angles(angles)
+        if all(isinstance(angle, float) for angle in rpy):
+            return _place(parent, clean_matrix(pose.rotation()), origin)
+        place = _place(parent, IDENTITY, origin)
+        for axis in reversed(ROLL_PITCH_YAW):
+            place = self.turned(place, axis, self.numbers.turn(rpy[axis]))
+        return place
+
+    def aimed(self, place: Placement, name: str, axis: Sequence[float]) -> tuple[Placement, list[tuple[int, Form]]]:
+        """The frame turned so that its z axis is along NAME.x, .y, .z, and the turns that were made for it."""
+        align = align_z(axis)
+        x, y, z = matvec(transpose(align), self.numbers.vector(name))
+        # R_x(a) R_y(b) e_z = (sin b, -sin a cos b, cos a cos b)
+        a, b = atan2(neg(y), z), atan2(x, sqrt(add(mul(y, y), mul(z, z))))
+        place = _place(place, align, ZERO)
+        turns = [(0, self.numbers.turn(a)), (1, self.numbers.turn(b))]
+        for each in turns:
+            place = self.turned(place, *each)
+        return place, turns
+
+    def joint(self, joint: Joint, parent: Placement, form: Form, unit: float, rotor: Scalar) -> Placement:
+        """Add a moving joint and return the frame of its child."""
+        place = self.placed(parent, joint.origin, f"{joint.name}.origin", f"{joint.name}.origin")
+        value = self.numbers.values
+        losses = (value[f"{joint.name}.damping"], value[f"{joint.name}.friction"], rotor)
+        x, y, z = joint.axis
+        axis = (x + 0.0, y + 0.0, z + 0.0)
+        symbolic = not all(isinstance(value[f"{joint.name}.axis.{each}"], float) for each in "xyz")
+        turns: list[tuple[int, Form]] = []
+        if symbolic:
+            place, turns = self.aimed(place, f"{joint.name}.axis", axis)
+        along = (0.0, 0.0, 1.0) if symbolic else axis
+        self.joints.append(TreeJoint(joint.name, joint.type, place.body, place, along, form, unit, *losses))
+        child = Placement(len(self.joints) - 1, IDENTITY, ZERO)
+        for number, turn in reversed(turns):
+            child = self.turned(child, number, turn.scaled(-1.0))
+        return _place(child, transpose(align_z(axis)), ZERO) if symbolic else child
+
+    def loop_end(self, loop: Loop, role: str, end: LoopEnd, link: Placement) -> Placement:
+        """The frame of a loop's end, z along the loop's axis."""
+        name = f"{loop.name}.{role}"
+        place = self.placed(link, end.origin, name, name)
+        if loop.axis is None:
+            return place
+        if all(isinstance(self.numbers.values[f"{loop.name}.axis.{each}"], float) for each in "xyz"):
+            return _place(place, align_z(loop.axis), ZERO)
+        return self.aimed(place, f"{loop.name}.axis", loop.axis)[0]
 
 
 def _place(parent: Placement, rotation: Matrix, origin: Vector) -> Placement:
@@ -181,12 +264,12 @@ def build_tree(
         inertia_of, reduction = (numbers.values[f"{each.name}.{key}"] for key in ("rotor_inertia", "reduction"))
         rotor[each.joint] = add(rotor.get(each.joint, 0.0), mul(inertia_of, mul(reduction, reduction)))
     links = {root: start}
-    joints: list[TreeJoint] = []
+    planter = _Planter(numbers)
     for joint in joints_depth_first(description):
         parent = links[joint.parent]
-        placement = _place(parent, clean_matrix(joint.origin.rotation()), numbers.vector(f"{joint.name}.origin"))
         if joint.type == "fixed":
-            links[joint.child] = placement
+            name = f"{joint.name}.origin"
+            links[joint.child] = planter.placed(parent, joint.origin, name, name)
             continue
         if not joint.is_single_coordinate:
             raise UnsupportedError(
@@ -194,23 +277,15 @@ def build_tree(
                 "give the leg a fixed base",
                 joint=joint.name,
             )
-        x, y, z = joint.axis
         unit = length if joint.type == "prismatic" else 1.0
-        joints.append(
-            TreeJoint(
-                joint.name,
-                joint.type,
-                parent.body,
-                placement,
-                (x + 0.0, y + 0.0, z + 0.0),
-                coordinates.forms[joint.name],
-                unit,
-                numbers.values[f"{joint.name}.damping"],
-                numbers.values[f"{joint.name}.friction"],
-                rotor.get(joint.name, 0.0),
-            )
-        )
-        links[joint.child] = Placement(len(joints) - 1, IDENTITY, ZERO)
+        form = coordinates.forms[joint.name]
+        links[joint.child] = planter.joint(joint, parent, form, unit, rotor.get(joint.name, 0.0))
+    ends = {
+        (loop.name, role): planter.loop_end(loop, role, end, links[end.link])
+        for loop in description.loops
+        for role, end in (("predecessor", loop.predecessor), ("successor", loop.successor))
+    }
+    joints = planter.joints
     inertia = [NO_INERTIA] * len(joints)
     for link in description.links:
         place = links[link.name]
@@ -218,7 +293,8 @@ def build_tree(
             continue
         inertia[place.body] = inertia[place.body] + _inertia(link.name, link.inertial.origin, numbers, place)
     down = matvec(start.rotation, (0.0, 0.0, -STANDARD_GRAVITY))
-    return Tree(tuple(joints), links, tuple(inertia), length, (down[0] + 0.0, down[1] + 0.0, down[2] + 0.0))
+    gravity = (down[0] + 0.0, down[1] + 0.0, down[2] + 0.0)
+    return Tree(tuple(joints), links, tuple(inertia), length, gravity, ends)
 
 
 def _hip_placement(description: Description, numbers: Numbers, hip: str) -> Placement:
@@ -227,6 +303,11 @@ def _hip_placement(description: Description, numbers: Numbers, hip: str) -> Plac
     for joint in description.path(hip):
         if joint.type != "fixed":
             raise DescriptionError(f"the hip link {hip!r} moves relative to the root", file=description.file)
+        if not all(isinstance(angle, float) for angle in numbers.angles(f"{joint.name}.origin")):
+            raise ParameterError(
+                f"{joint.name!r} holds the hip link, and gravity is given in its frame: turn gravity instead of it",
+                parameter=joint.name,
+            )
         place = _place(place, clean_matrix(joint.origin.rotation()), numbers.vector(f"{joint.name}.origin"))
     inverse = transpose(place.rotation)
     origin = matvec(inverse, place.origin)
@@ -236,7 +317,7 @@ def _hip_placement(description: Description, numbers: Numbers, hip: str) -> Plac
 def _inertia(name: str, pose: Pose, numbers: Numbers, place: Placement) -> BodyInertia:
     """A link's inertia in the frame of its body (parallel-axis theorem)."""
     value = numbers.values
-    axes = clean_matrix(matmul(place.rotation, clean_matrix(pose.rotation())))
+    axes = clean_matrix(matmul(place.rotation, _rotation(pose, numbers.angles(f"{name}.inertial"))))
     mass = value[f"{name}.mass"]
     com = add_vectors(place.origin, matvec(place.rotation, numbers.vector(f"{name}.com")))
     entries = tuple(value[f"{name}.{entry}"] for entry in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
@@ -247,6 +328,20 @@ def _inertia(name: str, pose: Pose, numbers: Numbers, place: Placement) -> BodyI
         shift[i][i] = mul(mass, sub(squared, mul(com[i], com[i])))
     parallel = (shift[0][0], shift[0][1], shift[0][2], shift[1][1], shift[1][2], shift[2][2])
     return BodyInertia(mass, scale(mass, com), central.second) + BodyInertia(0.0, ZERO, parallel)
+
+
+def _rotation(pose: Pose, rpy: Vector) -> Matrix:
+    """Rz(yaw) Ry(pitch) Rx(roll), with symbols where an angle is one."""
+    if all(isinstance(angle, float) for angle in rpy):
+        return clean_matrix(pose.rotation())
+    result = IDENTITY
+    for axis in reversed(ROLL_PITCH_YAW):
+        s, c = sin(rpy[axis]), cos(rpy[axis])
+        b, d = (axis + 1) % 3, (axis + 2) % 3
+        rows = [list(row) for row in IDENTITY]
+        rows[b][b], rows[d][d], rows[b][d], rows[d][b] = c, c, neg(s), s
+        result = matmul(result, (tuple(rows[0]), tuple(rows[1]), tuple(rows[2])))
+    return result
 
 
 def characteristic_length(description: Description) -> float:

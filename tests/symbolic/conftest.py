@@ -14,6 +14,7 @@ from scipy.linalg import qr
 from scipy.spatial.transform import Rotation
 
 from leg_dynamics.description import link_transforms, parse
+from leg_dynamics.symbolic import model
 from leg_dynamics.symbolic.closure import Closure, row_arrays
 from leg_dynamics.symbolic.coordinates import Coordinates, Form
 from leg_dynamics.symbolic.numbers import Numbers
@@ -238,7 +239,7 @@ def random_loop(kind: str, seed: int) -> str:
     every = Coordinates(names, len(names), {name: Form(((k, 1.0),)) for k, name in enumerate(names)})
     numbers = Numbers.of(description)
     tree = build_tree(description, every, numbers, None, characteristic_length(description))
-    _, K = row_arrays(Closure(description, tree, numbers).basic, np.array([[values[name] for name in names]]))
+    _, K = row_arrays(Closure(description, tree).basic, np.array([[values[name] for name in names]]))
     _, _, order = qr(K[0], pivoting=True)
     dependent = {names[i] for i in order[: LOOP_ROWS[kind]]}
     return text({name: name not in dependent for name in names}, closing)
@@ -261,6 +262,24 @@ def quiet(function, *arguments, **options):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return function(*arguments, **options)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def shared_models():
+    """Models are immutable and take seconds to make: what was made once serves all tests."""
+    make = model.build_model
+    made: dict = {}
+
+    def build_model(description, foot=None, hip=None, *, seed=None, parameters=(), simplify=True):
+        found = None if seed is None else tuple(sorted(seed.items()))
+        key = (description.urdf, foot, hip, found, tuple(parameters), simplify)
+        if key not in made:
+            made[key] = make(description, foot, hip, seed=seed, parameters=parameters, simplify=simplify)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(model, "build_model", build_model)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,7 @@ def closure(request, lab):
     coordinates = reduce_coordinates(description)
     tree = build_tree(description, coordinates, Numbers.of(description), None, characteristic_length(description))
     home = np.array([description.home.values[name] for name in coordinates.names])
-    return request.param, Closure(description, tree, Numbers.of(description)), home
+    return request.param, Closure(description, tree), home
 
 
 def test_rows_vanish_on_the_closed_pose_and_have_the_pairs_rank(lab, closure):

@@ -30,7 +30,7 @@ OMNILEG_SPREAD = np.radians([65.0, 65.0, 85.0])
 
 
 def start(model):
-    return (model.seed[: model.n], model.seed[model.n :]) if model.iterates else ()
+    return (model.seed[: model.n], model.seed[model.n :]) if model.restarts else ()
 
 
 def disagreement(result, reference, angles=False):
@@ -48,7 +48,7 @@ def compare(lab, graphs, route, states, methods=METHODS, least=0.9):
     for method in methods:
         arguments = [states[name] for name in METHODS[method]]
         result = lab.evaluate.evaluator(getattr(graphs, method)())(*arguments, *start(model))
-        if model.iterates:
+        if model.restarts:
             result = result[0]
         reference = getattr(route, method)(*arguments, RowFailures())
         if method == "tree_coordinates":
@@ -208,13 +208,13 @@ def test_derivatives_against_differences(lab, omnileg, name):
     q, v, a, tau = (states[key] for key in ("q", "v", "a", "tau"))
     rest = (states["foot_force"], states["gravity"], *start(model))
     call = lab.evaluate.evaluator(graphs.torque())
-    torque = (lambda *x: call(*x)[0]) if model.iterates else call
+    torque = (lambda *x: call(*x)[0]) if model.restarts else call
     by_q, by_v, by_a = split(lab, graphs.torque_derivatives(), model, (q, v, a, *rest))
     assert_close(by_q, differences(lambda x: torque(x, v, a, *rest), q, 1e-5))
     assert_close(by_v, differences(lambda x: torque(q, x, a, *rest), v, 1e-4))
     assert_close(by_a, differences(lambda x: torque(q, v, x, *rest), a, 1e-3))
     call_forward = lab.evaluate.evaluator(graphs.acceleration())
-    forward = (lambda *x: call_forward(*x)[0]) if model.iterates else call_forward
+    forward = (lambda *x: call_forward(*x)[0]) if model.restarts else call_forward
     by_q, by_v, by_tau = split(lab, graphs.acceleration_derivatives(), model, (q, v, tau, *rest))
     assert_close(by_q, differences(lambda x: forward(x, v, tau, *rest), q, 1e-5))
     assert_close(by_v, differences(lambda x: forward(q, x, tau, *rest), v, 1e-4))
@@ -224,7 +224,7 @@ def test_derivatives_against_differences(lab, omnileg, name):
 def split(lab, program, model, arguments):
     """Blocks of a derivative by its three arguments."""
     whole = lab.evaluate.evaluator(program)(*arguments)
-    whole = whole[0] if model.iterates else whole
+    whole = whole[0] if model.restarts else whole
     return np.split(whole, [model.n, 2 * model.n], axis=-1)
 
 
@@ -242,14 +242,15 @@ def test_parameter_derivatives_against_changed_files(lab, kind):
         arguments = [states[key] for key in METHODS[kind]]
         call = lab.evaluate.evaluator(getattr(graphs, f"{kind}_parameter_derivatives")())
         derivative = call(*arguments, *start(model))
-        derivative = derivative[0] if model.iterates else derivative
+        derivative = derivative[0] if model.restarts else derivative
         step = 1e-5
         for column, name in enumerate(names):
             values = []
             for sign in (1.0, -1.0):
                 changed = lab.quiet(build_model, changed_number(description, name, sign * step), "foot", simplify=False)
                 call = lab.evaluate.evaluator(getattr(Graphs(changed), kind)())
-                values.append(call(*arguments, *start(changed))[0])
+                result = call(*arguments, *start(changed))
+                values.append(result[0] if changed.restarts else result)
             assert_close(derivative[..., column], (values[0] - values[1]) / (2.0 * step))
 
 

@@ -53,9 +53,7 @@ def parts(description):
     coordinates = reduce_coordinates(description)
     numbers = Numbers.of(description)
     tree = build_tree(description, coordinates, numbers, None, characteristic_length(description))
-    return coordinates, ClosureArrays(
-        Closure(description, tree, numbers), coordinates.n, np.ones(len(coordinates.names))
-    )
+    return coordinates, ClosureArrays(Closure(description, tree), coordinates.n, np.ones(len(coordinates.names)))
 
 
 def test_rounded_configurations_are_corrected(lab):
