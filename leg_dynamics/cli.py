@@ -23,11 +23,14 @@ import typer
 from leg_dynamics.errors import (
     ActuationError,
     CrosscheckError,
+    DescriptionError,
+    FormulaAssumptionError,
     LegDynamicsError,
     LegDynamicsWarning,
     MissingFootError,
     NonFiniteError,
     OutputError,
+    RouteError,
     TrajectoryError,
     UnsupportedError,
 )
@@ -36,6 +39,8 @@ if TYPE_CHECKING:
     import numpy as np
     from rich.console import Console
 
+    from leg_dynamics.analysis.design import Study, StudyResult
+    from leg_dynamics.analysis.gait import GaitStudy, Robot
     from leg_dynamics.analysis.trajectories import Trajectory
     from leg_dynamics.analysis.workspace import Workspace
     from leg_dynamics.leg import Leg
@@ -525,6 +530,127 @@ def bench(context: typer.Context) -> None:
     raise typer.Exit(_benchmarks()(context.args, program="leg-dynamics bench"))
 
 
+@_command("design")
+def design_leg(
+    leg: LegName,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="NAME=LO:HI", help="Draw a parameter from a range; repeatable."),
+    ] = None,
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option("--sweep", metavar="NAME=LO:HI:N", help="Sweep one parameter, the others fixed; repeatable."),
+    ] = None,
+    stage: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--stage",
+            metavar="NAME=LO:HI,...",
+            help="A further stage that starts from the design which the one before chose; repeatable.",
+        ),
+    ] = None,
+    samples: Annotated[int, typer.Option("--samples", min=1, metavar="N", help="Designs of each stage.")] = 1000,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all random numbers.")] = 0,
+    filter_: Annotated[
+        list[str] | None,
+        typer.Option("--filter", metavar="NAME>=X", help="What an accepted design fulfils (>=, <=, >, <); repeatable."),
+    ] = None,
+    objective: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--objective",
+            metavar="NAME",
+            help="V, kbar, ktilde, k_min, L, Z, Z_b, Z_f, mass, and with --gait peak_force, peak_speed, peak_power; "
+            "repeatable.",
+        ),
+    ] = None,
+    choose: Annotated[
+        str,
+        typer.Option("--choose", metavar="RULE", help="The accepted design next to the median, or min:NAME, max:NAME."),
+    ] = "median",
+    gait: Annotated[
+        str | None,
+        typer.Option("--gait", metavar="T,S,H", help="Cycle of the foot: period s, stride m, clearance m."),
+    ] = None,
+    support_force: Annotated[
+        str | None,
+        typer.Option("--support-force", metavar="X,Y,Z", help="N, by the ground on the foot in the gait's stance."),
+    ] = None,
+    tolerance: Annotated[
+        float, typer.Option("--tolerance", metavar="X", help="Of V, kbar, ktilde, relative; decides on the samples.")
+    ] = 0.02,
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option("--ignore", metavar="NAME|KIND", help="Leave out a constraint, see `workspace`; repeatable."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, metavar="N", help="Processes; one a processor if absent.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="tcp://HOST:PORT", help="Compute on this Dask cluster instead."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", parser=_path, metavar="DIR", help="Keep the study, its tables and its plots here."),
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the study that --output holds.")] = False,
+    route: RouteOption = None,
+    set_: SetOption = None,
+    foot: FootOption = None,
+    urdf: UrdfOption = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", parser=_path, metavar="F.html", help="Write one self-contained page.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Study a leg's design: sweep parameters, or draw many designs, filter them, and choose one."""
+    from leg_dynamics.analysis.design import Range, Stage, Study, gait_path
+    from leg_dynamics.analysis.design.page import render_page
+
+    if bool(sweep) == bool(vary or stage):
+        raise typer.BadParameter("give either --sweep, or --vary (and perhaps --stage)")
+    if resume and output is None:
+        raise typer.BadParameter("--resume goes on with the study in a folder: name it with --output")
+    if support_force is not None and gait is None:
+        raise typer.BadParameter("--support-force acts in the stance of a gait: give --gait too")
+    _check_writable(html)
+    if output is not None:
+        _check_folder(output, files=(output / "summary.json", output / "designs.csv", output / "manifest.json"))
+    stages = [Stage(tuple(map(Range.parse, sweep)))] if sweep else []
+    for texts in ([list(vary)] if vary else []) + [text.split(",") for text in stage or ()]:
+        stages.append(Stage(tuple(map(Range.parse, texts)), samples))
+    model = _load_quick(leg, route, set_, foot, urdf)
+    path = None
+    if gait is not None:
+        period, stride, clearance = _numbers("--gait", gait, 3)
+        force = None if support_force is None else _numbers("--support-force", support_force, 3)
+        path = gait_path(model, period, stride, clearance, support_force=force)  # type: ignore[arg-type]
+    study = Study(
+        model,
+        tuple(stages),
+        objectives=tuple(objective or ()),
+        filters=tuple(filter_ or ()),
+        choose=choose,
+        seed=seed,
+        tolerance=tolerance,
+        ignore=tuple(ignore or ()),
+        path=path,
+    )
+    result = _design(study, output, resume=resume, workers=workers, scheduler=scheduler)
+    written = [] if output is None else list(result.write(output))
+    if html is not None:
+        page = render_page(result)
+        _write_atomically(html, lambda path: path.write_text(page, encoding="utf-8", newline="\n"))
+        written.append(html)
+    if as_json:
+        _print_json(result.to_dict() | {"files": [str(path) for path in written]})
+        return
+    _show_design(result)
+    for file in written:
+        _say_written(file)
+
+
 @_command("workspace")
 def workspace_leg(
     leg: LegName,
@@ -574,6 +700,100 @@ def workspace_leg(
         _print_json(result.to_dict() | {"files": [str(path) for path in written]})
         return
     _show_workspace(result)
+    for path in written:
+        _say_written(path)
+
+
+@_command("gait")
+def gait_robot(
+    robot: Annotated[
+        str, typer.Argument(metavar="ROBOT", help="Robot with legs: shipped name, or path to .urdf / .urdf.xacro.")
+    ],
+    gait: Annotated[
+        str, typer.Option("--gait", metavar="tripod|wave|ripple", help="Which leg swings when.")
+    ] = "tripod",
+    leg: Annotated[
+        str | None, typer.Option("--leg", metavar="LEG", help="What its legs are; a shipped one that fits if absent.")
+    ] = None,
+    period: Annotated[float, typer.Option("--period", metavar="S", help="Of the gait, s.")] = 4.0,
+    stride: Annotated[
+        float | None,
+        typer.Option(
+            "--stride", metavar="M", help="How far a foot goes back below the body on the ground, m; 0.2 if absent."
+        ),
+    ] = None,
+    velocity: Annotated[
+        str | None, typer.Option("--velocity", metavar="VX,VY", help="Of the body, m/s ahead and left, not --stride.")
+    ] = None,
+    turn: Annotated[float, typer.Option("--turn", metavar="W", help="Turn rate of the body, rad/s to the left.")] = 0.0,
+    clearance: Annotated[float, typer.Option("--clearance", metavar="M", help="Height of the swing, m.")] = 0.1,
+    duty: Annotated[
+        float | None, typer.Option("--duty", metavar="X", help="Share of the period on the ground; the gait's own.")
+    ] = None,
+    law: Annotated[
+        str, typer.Option("--law", metavar="polynomial|cycloid|minimum_jerk", help="Path law of the swing.")
+    ] = "polynomial",
+    body_height: Annotated[
+        float | None, typer.Option("--body-height", metavar="M", help="Body frame above the ground, m; home if absent.")
+    ] = None,
+    load: Annotated[
+        str,
+        typer.Option(
+            "--load",
+            metavar="balanced|equal|none",
+            help="Foot forces: least ones that balance the robot, equal ones that ignore moments, or none.",
+        ),
+    ] = "balanced",
+    friction: Annotated[
+        float | None, typer.Option("--friction", metavar="MU", help="Keep balanced forces in a friction pyramid.")
+    ] = None,
+    samples: Annotated[int, typer.Option("--samples", metavar="N", help="Steps of a period.")] = 400,
+    ignore_limits: LimitsOption = False,
+    route: RouteOption = None,
+    set_: SetOption = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", parser=_path, metavar="DIR", help="Write summary, table of the cycle and plots here."),
+    ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", parser=_path, metavar="F.html", help="Write a page that shows the robot walking."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Walk a robot through one cycle of a gait: stability, foot forces, actuator speeds and efforts."""
+    from leg_dynamics.analysis import gait as gaits
+
+    _check_writable(html)
+    if output is not None:
+        _check_folder(output, files=[output / name for name in gaits.FILES])
+    if stride is not None and velocity is not None:
+        raise typer.BadParameter("it goes with no --stride: the duty factor links both", param_hint="--velocity")
+    model = _robot(robot, leg, route, set_)
+    walk = gaits.plan(
+        model,
+        gait,
+        period=period,
+        stride=(0.2 if stride is None else stride) if velocity is None else None,
+        velocity=None if velocity is None else _numbers("--velocity", velocity, 2),  # type: ignore[arg-type]
+        turn=turn,
+        clearance=clearance,
+        duty=duty,
+        law=law,
+        body_height=body_height,
+    )
+    with _error_console().status("walking"):
+        result = gaits.study(
+            model, walk, samples=samples, load=load, friction=friction, limits="ignore" if ignore_limits else "error"
+        )
+        written = [] if output is None else list(gaits.write(result, output))
+    if html is not None:
+        _write_walk(html, result)
+        written.append(html)
+    if as_json:
+        _print_json(gaits.summary(result) | {"files": [str(path) for path in written]})
+        return
+    _show_gait(gaits.summary(result))
     for path in written:
         _say_written(path)
 
@@ -688,6 +908,37 @@ def _load_quick(name: str, route: str | None, set_: Sequence[str] | None, foot: 
 
     model = _load(name, route, set_, foot, urdf)
     return sibling(model, "symbolic") if route is None and model.route == "pinocchio" else model
+
+
+def _robot(name: str, leg: str | None, route: str | None, set_: Sequence[str] | None) -> Robot:
+    """Read a robot and the legs that it walks on: the named one, or the first shipped one that fits."""
+    import leg_dynamics
+    from leg_dynamics import description
+    from leg_dynamics.analysis.gait import robot_from
+
+    mechanism = description.read(name, parameters=_parameters(set_))
+
+    def own(candidate: str) -> list[str]:
+        """The parameters that the leg has as well: a robot's body has some of its own."""
+        known = description.read(candidate).parameters
+        return [text for text in set_ or () if text.partition("=")[0].strip() in known]
+
+    if leg is not None:
+        return robot_from(mechanism, _load(leg, route, own(leg)))
+    reason = ""
+    for candidate in leg_dynamics.available():
+        if not description.read(candidate).has_link("foot"):
+            continue
+        try:
+            return robot_from(mechanism, _load(candidate, route, own(candidate)))
+        except (DescriptionError, FormulaAssumptionError, RouteError) as error:
+            if not reason and "prefixes" in error.evidence:
+                reason = f": {error.message.removeprefix(f'{mechanism.file}: ')}"
+    raise DescriptionError(
+        f"{mechanism.name!r} has no legs that are a shipped one or its mirror image{reason}; give a robot, such as "
+        "hexapod, and name its leg with --leg",
+        file=mechanism.file,
+    )
 
 
 def _load_options(
@@ -898,6 +1149,18 @@ def _workspace(leg: Leg, **options: Any) -> Workspace:
         return workspace(leg, progress=step, **options)
 
 
+def _design(study: Study, output: Path | None, **options: Any) -> StudyResult:
+    from leg_dynamics.analysis.design import run
+
+    with _progress() as progress:
+        task = progress.add_task("design", total=1.0)
+
+        def step(what: str, share: float) -> None:
+            progress.update(task, description=what, completed=share)
+
+        return run(study, output, progress=step, **options)
+
+
 def _workspace_cloud(leg: Leg) -> Cloud:
     """The leg's workspace in the root frame, one point for equal volumes."""
     import numpy as np
@@ -1020,6 +1283,36 @@ def _show_summary(result: Mapping[str, Any]) -> None:
         )
 
 
+def _show_design(result: StudyResult) -> None:
+    console, study = _console(), result.study
+    for stage in result.stages:
+        facts = stage.to_dict()
+        title = f"{study.leg.name}, stage {stage.number + 1}: {', '.join(facts['ranges'])}"
+        if facts["kind"] == "sweep":
+            table = _table(title, *study.columns)
+            for row in stage.rows:
+                design = {**{n: study.leg.parameters[n].value for n in study.columns if n in study.leg.parameters}}
+                values = {**design, **row.design, **row.values}
+                _add_row(table, *(_number(values[name]) for name in study.columns))
+        else:
+            table = _table(title, "", "unit", "median of all", "accepted p10", "p50", "p90", "chosen")
+            shown = {**facts["medians"], **facts["accepted_percentiles"]}
+            for name in shown:
+                percentiles = facts["accepted_percentiles"].get(name, {})
+                cells = [facts["medians"].get(name), *(percentiles.get(f"p{p}") for p in (10, 50, 90))]
+                chosen = None if facts["chosen"] is None else facts["chosen"][name]
+                _add_row(table, name, study.columns[name], *(_number(cell) for cell in (*cells, chosen)))
+        console.print(table)
+        failed = ", ".join(f"{count} {name}" for name, count in facts["reasons"].items())
+        _say(
+            f"{facts['designs']} designs, {facts['accepted']} accepted, {facts['failed']} failed"
+            + (f" ({failed})" if failed else "")
+            + (f": {facts['why_none']}" if facts["why_none"] else "")
+        )
+    if result.plan.resolution.samples:
+        _say(result.plan.resolution.justification)
+
+
 def _show_workspace(result: Workspace) -> None:
     console = _console()
     left_out = f", without {', '.join(result.ignored)}" if result.ignored else ""
@@ -1059,6 +1352,54 @@ def _show_workspace(result: Workspace) -> None:
         _add_row(table, name, f"{100 * nearest.get(name, 0.0):.1f} %", f"{100 * ended.get(name, 0) / total:.1f} %")
     console.print(table)
     _say(result.justification)
+
+
+def _write_walk(path: Path, result: GaitStudy) -> None:
+    from leg_dynamics.preview import Walking, write_html
+
+    assert result.robot.description is not None
+    mechanism, table = result.robot.description, result.walk.table
+    walking = Walking.of(
+        result.body.position[:, :2], result.body.yaw, result.feet.position, result.stance, result.com[:, :2]
+    )
+    title = f"{mechanism.name}, {table.name} gait, {result.walk.period:g} s, duty {table.duty:.3g}"
+    values = result.joint_values()
+    _write_atomically(
+        path, lambda place: write_html(mechanism, result.time, values, place, walking=walking, title=title)
+    )
+
+
+def _show_gait(result: Mapping[str, Any]) -> None:
+    console = _console()
+    forward, left = result["velocity [m/s]"]
+    _say(
+        f"{result['robot']}: {result['gait']} gait, period {result['period [s]']:g} s, duty {result['duty']:.4g}, "
+        f"stride {result['stride [m]']:.4g} m, {forward:.4g} m/s ahead, {left:.4g} m/s left, "
+        f"{result['turn [rad/s]']:.4g} rad/s, clearance {result['clearance [m]']:g} m, path law {result['path_law']}"
+    )
+    phases = ", ".join(f"{name} {phase:.4g}" for name, phase in result["phases"].items())
+    _say(f"touch-down as a share of the period: {phases}")
+    margin = result["stability_margin [m]"]
+    least = "no foot on the ground" if margin["least"] is None else f"{margin['least']:.4f}"
+    _say(f"static stability margin: {least} m at {margin['at [s]']:.4g} s, up to {_number(margin['greatest'])} m")
+    _say(f"{result['mass [kg]']:.4g} kg; centre of mass: {result['centre_of_mass']}")
+    _say(f"foot forces: {result['load']}; largest {result['largest_foot_force [N]']:.1f} N")
+    table = _table("Joints", "joint", "peak speed", "on the ground", "unit", "least distance to a limit", "")
+    for leg in result["legs"]:
+        for row in leg["joints"]:
+            unit, note = row["unit"], "" if row["speed_within_limit"] else "TOO FAST"
+            speed, ground = f"{row['speed']:+.4f}", f"{row['stance_speed']:+.4f}"
+            _add_row(table, row["joint"], speed, ground, f"{unit}/s", f"{row['position_margin']:.4f} {unit}", note)
+    console.print(table)
+    table = _table("Actuators", "actuator", "peak effort", "on the ground", "unit", "peak power", "")
+    for leg in result["legs"]:
+        for row in leg["actuators"]:
+            ends = " ... ".join(f"{end:+.1f}" for end in row["stance_effort"])
+            note = "" if row["effort_within_limit"] else "TOO STRONG"
+            _add_row(
+                table, row["actuator"], f"{row['effort']:+.1f}", ends, row["unit"], f"{row['power [W]']:.1f} W", note
+            )
+    console.print(table)
 
 
 def _write_table(path: Path, leg: Leg, motion: Trajectory, efforts: np.ndarray) -> None:

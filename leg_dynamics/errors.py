@@ -35,6 +35,7 @@ __all__ = [
     "ShapeError",
     "SingularityError",
     "StudyError",
+    "SupportError",
     "TrajectoryError",
     "UnsafeXmlError",
     "UnsupportedError",
@@ -214,6 +215,10 @@ class AssemblyError(RowError, ValueError):
 
 class SingularityError(RowError, ArithmeticError):
     """An inverse was asked for where none exists; `margin` is the smallest singular value."""
+
+
+class SupportError(RowError, ValueError):
+    """The feet on the ground cannot carry the robot; `margin` is that of the zero-moment point, m."""
 
 
 class RowFailures:

@@ -42,6 +42,8 @@ BUILTIN = {
     "RouteError": ValueError,
     "ShapeError": ValueError,
     "SingularityError": ArithmeticError,
+    "StudyError": ValueError,
+    "SupportError": ValueError,
     "TrajectoryError": ValueError,
     "UnsafeXmlError": ValueError,
     "UnsupportedError": NotImplementedError,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import math
 import re
 from collections.abc import Mapping
 from importlib import resources
@@ -17,6 +18,7 @@ from leg_dynamics.errors import PreviewError
 from leg_dynamics.preview.cloud import Cloud
 from leg_dynamics.preview.commands import load_meshcat
 from leg_dynamics.preview.scene import Scene, build_scene
+from leg_dynamics.preview.walking import Walking
 
 __all__ = ["write_html"]
 
@@ -33,6 +35,7 @@ def write_html(
     actuator_links: Mapping[str, str] | None = None,
     effort_limits: Mapping[str, float] | None = None,
     cloud: Cloud | None = None,
+    walking: Walking | None = None,
     title: str | None = None,
     fps: float = 30.0,
     loop: bool = True,
@@ -58,6 +61,8 @@ def write_html(
         Forces to show, as for `leg_dynamics.preview.scene.build_scene`; a legend gives their scales and values.
     cloud : Cloud, optional
         Points to show beside the mechanism, such as its workspace.
+    walking : Walking, optional
+        How a robot moves over the ground: the ground passes below it.
     title : str, optional
         Heading; the mechanism's name by default.
     fps : float
@@ -87,6 +92,7 @@ def write_html(
         actuator_links=actuator_links,
         effort_limits=effort_limits,
         cloud=cloud,
+        walking=walking,
         fps=fps,
         loop=loop,
     )
@@ -111,7 +117,8 @@ def _page(scene: Scene, name: str, title: str) -> str:
     facts = [name] if name != title else []
     if scene.duration > 0.0:
         facts.append(f"{scene.duration:.4g} s")
-    facts.append(f"grid {1000.0 * scene.cell:.4g} mm")
+    if math.isfinite(scene.cell):
+        facts.append(f"grid {1000.0 * scene.cell:.4g} mm")
     if scene.cyclic:
         facts.append("loops in whole cycles")
     if scene.note:

@@ -42,6 +42,7 @@ from leg_dynamics.preview.commands import (
 )
 from leg_dynamics.preview.cycle import whole_cycles
 from leg_dynamics.preview.motors import Motor, check_motors, effort_ranges, legend_group
+from leg_dynamics.preview.walking import Walking
 
 __all__ = ["MAXIMUM_FRAMES", "Scene", "build_scene", "check_motion", "load_meshcat"]
 
@@ -87,7 +88,7 @@ class Scene:
     lower, upper : numpy.ndarray
         Corners of the box about everything that is drawn, over the whole motion, in the root frame, shape (3,), m.
     cell : float
-        Side of a cell of the ground grid, m.
+        Side of a cell of the ground grid, m; of a walking robot along x, and NaN where it turns and has none.
     cyclic : bool
         Whether the animation repeats a motion that ends as it starts, so that nothing jumps.
     legend : mapping
@@ -122,6 +123,7 @@ class _Motion:
     foot_trace: np.ndarray | None
     foot_force: np.ndarray | None = None
     motors: tuple[Motor, ...] = ()
+    walking: Walking | None = None
 
     def at(self, times: np.ndarray) -> _Motion:
         """The motion interpolated linearly at other times."""
@@ -137,6 +139,7 @@ class _Motion:
             columns(self.foot_trace),
             columns(self.foot_force),
             tuple(motor.at(times, self.times) for motor in self.motors),
+            None if self.walking is None else self.walking.at(times, self.times),
         )
 
 
@@ -241,6 +244,12 @@ def _check_force(foot_force: ArrayLike | None, foot_trace: np.ndarray | None, sa
     return checked
 
 
+def _check_walking(walking: Walking | None, samples: int) -> Walking | None:
+    if walking is not None and walking.yaw.size != samples:
+        raise ShapeError(f"the walk has {walking.yaw.size} samples, but there are {samples} times")
+    return walking
+
+
 def build_scene(
     description: Description,
     times: ArrayLike,
@@ -252,6 +261,7 @@ def build_scene(
     actuator_links: Mapping[str, str] | None = None,
     effort_limits: Mapping[str, float] | None = None,
     cloud: Cloud | None = None,
+    walking: Walking | None = None,
     fps: float = 30.0,
     loop: bool = True,
 ) -> Scene:
@@ -284,6 +294,8 @@ def build_scene(
         Largest effort of an actuator, N·m or N; the limit of its joint where not given.
     cloud : Cloud, optional
         Points to show beside the mechanism, such as its workspace.
+    walking : Walking, optional
+        How the robot moves over the ground, at the same times: the ground passes below it.
     fps : float
         Animation frames a second.
     loop : bool
@@ -316,6 +328,7 @@ def build_scene(
         motion,
         foot_force=_check_force(foot_force, motion.foot_trace, motion.times.size),
         motors=check_motors(description, motion.times.size, efforts or {}, actuator_links, effort_limits),
+        walking=_check_walking(walking, motion.times.size),
     )
     last = whole_cycles(motion.times, motion.joint_values)
     motion = _at_frames(motion, fps, last if loop else None)
@@ -332,6 +345,8 @@ def build_scene(
         points.append(motion.foot_trace)
     if cloud is not None:
         points.append(cloud.points)
+    if motion.walking is not None:
+        points.append(motion.walking.feet.reshape(-1, 3))
     lower, upper, radius = _box(points)
     cell = _round_length(2.0 * _GROUND_RADIUS * radius / _CELLS_ACROSS)
     arrow = None
@@ -345,15 +360,23 @@ def build_scene(
     clips = _link_clips(shapes, transforms, rate) | _colour_clips(shapes, motion.motors, ranges, rate)
     if arrow is not None:
         clips |= arrow.clips(rate)
+    ground: list[dict[str, Any]] = []
+    if motion.walking is not None:
+        floor, spread = _floor(lower, upper), _GROUND_RADIUS * radius
+        ground, passing = motion.walking.draw(floor, spread, cell, radius, rate)
+        clips |= passing
     commands = itertools.chain(
-        _surroundings(lower, upper, radius, cell),
+        _surroundings(lower, upper, radius, None if motion.walking is not None else cell),
+        ground,
         _links(shapes, transforms),
-        _trace(motion.foot_trace, radius),
+        _traces(motion, radius),
         () if arrow is None else arrow.commands(),
         () if cloud is None else cloud.commands(),
         [set_property("/leg", "userData", {"legend": legend})] if legend else (),
         _animation(clips, loop),
     )
+    if motion.walking is not None:
+        cell = math.nan if motion.walking.turns else motion.walking.cells(cell)[0]
     cyclic, note = loop and last is not None, "" if cloud is None else cloud.note
     return Scene(tuple(commands), start, duration, frames, lower, upper, cell, cyclic, legend, note)
 
@@ -529,8 +552,13 @@ def _round_length(length: float) -> float:
     return next(step * decade for step in (5.0, 2.0, 1.0) if step * decade <= length * (1.0 + 1e-9))
 
 
-def _surroundings(lower: np.ndarray, upper: np.ndarray, radius: float, cell: float) -> Iterator[dict[str, Any]]:
-    """Background, lights, camera and ground."""
+def _floor(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Middle of the ground, on which the lowest point rests."""
+    return np.array([*(lower + upper)[:2] / 2.0, lower[2]])
+
+
+def _surroundings(lower: np.ndarray, upper: np.ndarray, radius: float, cell: float | None) -> Iterator[dict[str, Any]]:
+    """Background, lights, camera and ground, with a grid that stands still where it has cells."""
     meshcat = load_meshcat()
     yield set_property("/Background", "top_color", [0.97, 0.98, 0.99])
     yield set_property("/Background", "bottom_color", [0.78, 0.82, 0.87])
@@ -562,23 +590,24 @@ def _surroundings(lower: np.ndarray, upper: np.ndarray, radius: float, cell: flo
     x, y, z = _eye((upper - lower) / (2.0 * radius))
     yield set_property(f"{camera}/<object>", "position", [x, z, -y])
 
-    floor = np.array([*(lower + upper)[:2] / 2.0, lower[2]])
+    floor = _floor(lower, upper)
     thickness, spread = 0.02 * radius, _GROUND_RADIUS * radius
     below = np.eye(4)
     # A hair below the lowest point, so that a foot plate that rests on it does not flicker.
     below[:3, 3] = floor - [0.0, 0.0, 0.004 * radius + thickness / 2.0]
     yield set_object("/leg/ground/plate", meshcat.geometry.Cylinder(thickness, spread), _GROUND)
     yield set_transform("/leg/ground/plate", below @ Y_TO_Z)
-    segments = []
-    count = int(spread / cell)
-    for offset in cell * np.arange(-count, count + 1):
-        half = math.sqrt(spread**2 - offset**2)
-        segments += [(offset, -half, 0.0), (offset, half, 0.0), (-half, offset, 0.0), (half, offset, 0.0)]
     on_top = np.eye(4)
     on_top[:3, 3] = floor - [0.0, 0.0, 0.002 * radius]
-    lines = meshcat.geometry.PointsGeometry(np.array(segments, dtype=np.float32).T)
-    yield set_object("/leg/ground/grid", lines, _GRID, line=True)
-    yield set_transform("/leg/ground/grid", on_top)
+    if cell is not None:
+        segments = []
+        count = int(spread / cell)
+        for offset in cell * np.arange(-count, count + 1):
+            half = math.sqrt(spread**2 - offset**2)
+            segments += [(offset, -half, 0.0), (offset, half, 0.0), (-half, offset, 0.0), (half, offset, 0.0)]
+        lines = meshcat.geometry.PointsGeometry(np.array(segments, dtype=np.float32).T)
+        yield set_object("/leg/ground/grid", lines, _GRID, line=True)
+        yield set_transform("/leg/ground/grid", on_top)
 
     # The root frame's axes stand at the left edge of the ground, where they hide nothing.
     corner = on_top[:3, 3] - 0.8 * spread * _screen_axes()[0]
@@ -632,14 +661,20 @@ def _links(shapes: Mapping[str, Iterable[_Shape]], transforms: Mapping[str, np.n
             yield set_transform(_node(link), transforms[link][0])
 
 
-def _trace(positions: np.ndarray | None, radius: float) -> Iterator[dict[str, Any]]:
-    if positions is None:
-        return
+def _traces(motion: _Motion, radius: float) -> Iterator[dict[str, Any]]:
+    if motion.foot_trace is not None:
+        yield from _trace(motion.foot_trace, radius, "/leg/foot trace")
+    if motion.walking is not None:
+        for number, positions in enumerate(np.moveaxis(motion.walking.feet, 1, 0)):
+            yield from _trace(positions, radius, f"/leg/foot traces/{number}")
+
+
+def _trace(positions: np.ndarray, radius: float, name: str) -> Iterator[dict[str, Any]]:
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     path = positions[np.concatenate([[True], steps > 1e-4 * radius])]
     if len(path) > 1:
         tube = load_meshcat().geometry.TriangularMeshGeometry(*_tube(path, 0.006 * radius))
-        yield set_object("/leg/foot trace", tube, _TRACE)
+        yield set_object(name, tube, _TRACE)
 
 
 def _tube(path: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,54 @@
+"""Gaits of robots with any number of legs: foot targets, stability, foot forces, actuator speeds and efforts.
+
+>>> import leg_dynamics as ld
+>>> from leg_dynamics.description import read
+>>> from leg_dynamics.analysis.gait import plan, robot_from, study
+>>> robot = robot_from(read("hexapod"), ld.load("hexapod_leg"))
+>>> walk = plan(robot, "tripod", period=4.0, stride=0.4, clearance=0.1)
+>>> result = study(robot, walk)
+>>> bool(result.margin.min() > 0.0)
+True
+"""
+
+from __future__ import annotations
+
+from leg_dynamics.analysis.gait.forces import LoadSharing, share_load
+from leg_dynamics.analysis.gait.laws import LAWS
+from leg_dynamics.analysis.gait.phases import GAITS, PhaseTable, phase_table, swing_order
+from leg_dynamics.analysis.gait.reading import robot_from
+from leg_dynamics.analysis.gait.report import FILES, columns, summary, write
+from leg_dynamics.analysis.gait.robot import GaitLeg, Limb, Robot
+from leg_dynamics.analysis.gait.stability import project, support_margin
+from leg_dynamics.analysis.gait.study import LOADS, GaitStudy, LimbMotion, Peaks, plan, study
+from leg_dynamics.analysis.gait.walk import BodyMotion, FootMotion, Sway, Twist, Walk
+
+__all__ = [
+    "FILES",
+    "GAITS",
+    "LAWS",
+    "LOADS",
+    "BodyMotion",
+    "FootMotion",
+    "GaitLeg",
+    "GaitStudy",
+    "Limb",
+    "LimbMotion",
+    "LoadSharing",
+    "Peaks",
+    "PhaseTable",
+    "Robot",
+    "Sway",
+    "Twist",
+    "Walk",
+    "columns",
+    "phase_table",
+    "plan",
+    "project",
+    "robot_from",
+    "share_load",
+    "study",
+    "summary",
+    "support_margin",
+    "swing_order",
+    "write",
+]

@@ -1,0 +1,167 @@
+"""Plots of a gait study: foot paths, actuator speeds (Rong 2012, Fig. 10) and efforts, rhythm and stability."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from leg_dynamics.analysis.gait.robot import Limb
+from leg_dynamics.analysis.gait.study import GaitStudy
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["gait_figures"]
+
+# Okabe and Ito's palette: told apart by most colour-blind readers, and in print.
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+_STYLES = ("-", "--", "-.", ":")
+
+
+def gait_figures(study: GaitStudy) -> dict[str, Figure]:
+    """The plots by name: ``feet``, ``speeds``, ``efforts``, ``stability``; matplotlib figures on the Agg canvas."""
+    return {
+        "feet": _feet(study),
+        "speeds": _curves(study, "speed"),
+        "efforts": _curves(study, "effort"),
+        "stability": _stability(study),
+    }
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _title(study: GaitStudy) -> str:
+    walk = study.walk
+    speed = f"{np.hypot(walk.twist.forward, walk.twist.sideward):.3g} m/s"
+    turn = f", {walk.twist.turn:.3g} rad/s" if walk.twist.turn else ""
+    rhythm = f"period {walk.period:g} s, duty {walk.table.duty:.3g}"
+    return f"{study.robot.name}, {walk.table.name} gait: {rhythm}, {speed}{turn}"
+
+
+def _tidy(axis: Axes) -> None:
+    axis.grid(visible=True, color="0.88")
+    axis.set_axisbelow(True)
+
+
+def _colour(k: int) -> str:
+    return _COLOURS[k % len(_COLOURS)]
+
+
+def _feet(study: GaitStudy) -> Figure:
+    figure = _figure(10.0, 7.5)
+    top, side = figure.subplots(2, 1, height_ratios=(3, 2))
+    for i, limb in enumerate(study.robot.limbs):
+        x, y, z = study.feet.position[:, i].T
+        style = _STYLES[(i // len(_COLOURS)) % len(_STYLES)]
+        top.plot(x, y, color=_colour(i), linestyle=style, label=limb.name)
+        top.plot(*limb.hip[:2, 3], marker="o", color=_colour(i), markerfacecolor="none", linestyle="none")
+        side.plot(x, z, color=_colour(i), linestyle=style, linewidth=1.4)
+    top.plot([], [], marker="o", color="0.3", markerfacecolor="none", linestyle="none", label="hips")
+    x, y, _ = study.com.T
+    top.plot(x, y, color="k", marker=".", markersize=3, linewidth=0.8, label="centre of mass")
+    for axis, name in ((top, "y [m], left"), (side, "z [m], up")):
+        axis.set_aspect("equal", adjustable="datalim")
+        axis.set_ylabel(name)
+        _tidy(axis)
+    top.set_title("feet seen from above, body frame", loc="left", fontsize="medium")
+    side.set_title("feet seen from the right, body frame", loc="left", fontsize="medium")
+    side.set_xlabel("x [m], ahead")
+    top.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False)
+    figure.suptitle(_title(study))
+    return figure
+
+
+def _curves(study: GaitStudy, what: str) -> Figure:
+    """One panel a leg, with its stance shaded: Rong 2012, Fig. 10, for all six legs."""
+    count = len(study.robot)
+    columns = 2 if count > 1 else 1
+    rows = -(-count // columns)
+    figure = _figure(11.0, 1.9 * rows + 1.0)
+    axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
+    for axis, motion in zip(axes, study.limbs, strict=False):
+        limb = motion.limb
+        if what == "speed":
+            values, names, signs = motion.trajectory.v, limb.leg.joint_names, limb.signs
+        else:
+            values, names = motion.effort, getattr(limb.leg, "actuator_names", limb.leg.joint_names)
+            signs = limb.signs if values.shape[1] == len(limb.signs) else np.ones(values.shape[1])
+        for k, name in enumerate(names):
+            style = _STYLES[k % len(_STYLES)]
+            axis.plot(study.time, signs[k] * values[:, k], color=_colour(k), linestyle=style, label=name)
+        for first, last in _spans(motion.stance):
+            axis.axvspan(study.time[first], study.time[last], color="0.5", alpha=0.12, linewidth=0.0)
+        axis.set_title(limb.name, loc="left", fontsize="medium")
+        axis.margins(x=0.01)
+        _tidy(axis)
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    unit = _unit(study.robot.limbs[0], what)
+    figure.supylabel(f"{what} [{unit}]" if unit else what)
+    figure.supxlabel("time [s]; shaded: foot on the ground")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside right upper", frameon=False)
+    figure.suptitle(_title(study))
+    return figure
+
+
+def _unit(limb: Limb, what: str) -> str:
+    units = getattr(limb.leg, "units", None)
+    if units is None:
+        return ""
+    listed = [f"{unit}/s" for unit in units.joints] if what == "speed" else units.actuators
+    return ", ".join(dict.fromkeys(listed))
+
+
+def _stability(study: GaitStudy) -> Figure:
+    figure = _figure(10.0, 6.0)
+    margin, rhythm, load = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 3))
+    # Minus infinity, no foot on the ground, has no place on the axis.
+    margin.plot(study.time, np.where(np.isfinite(study.margin), study.margin, np.nan), color=_colour(0))
+    margin.axhline(0.0, color="0.4", linewidth=0.8)
+    margin.set_ylabel("margin [m]")
+    least = int(study.margin.argmin())
+    margin.set_title(
+        f"static stability margin: least {study.margin[least]:.4f} m at {study.time[least]:.3f} s",
+        loc="left",
+        fontsize="medium",
+    )
+    names = study.robot.leg_names
+    for i in range(len(names)):
+        spans = [(study.time[a], study.time[b] - study.time[a]) for a, b in _spans(study.stance[:, i])]
+        rhythm.broken_barh(spans, (i - 0.35, 0.7), facecolors=_colour(i))
+    rhythm.set_yticks(range(len(names)), names)
+    rhythm.invert_yaxis()
+    rhythm.set_title("feet on the ground", loc="left", fontsize="medium")
+    for i, name in enumerate(names):
+        style = _STYLES[(i // len(_COLOURS)) % len(_STYLES)]
+        load.plot(study.time, study.force[:, i, 2], color=_colour(i), linestyle=style, label=name)
+    load.set_ylabel("vertical force [N]")
+    load.set_title(f"foot forces, {study.load}", loc="left", fontsize="medium")
+    load.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False)
+    load.set_xlabel("time [s]")
+    for axis in (margin, rhythm, load):
+        axis.margins(x=0.01)
+        _tidy(axis)
+    figure.align_ylabels((margin, load))
+    figure.suptitle(_title(study))
+    return figure
+
+
+def _spans(stance: np.ndarray) -> list[tuple[int, int]]:
+    """First and last sample of each run of stance."""
+    runs = []
+    for standing, group in itertools.groupby(range(stance.size), key=lambda k: bool(stance[k])):
+        indices = list(group)
+        if standing:
+            runs.append((indices[0], indices[-1]))
+    return runs

@@ -1,0 +1,265 @@
+"""A walk: where every foot is in the body frame at any time, with exact rates, from gait, stride and body velocity.
+
+A carrier moves over the ground with a constant twist: forward and sideward velocity in its own axes, and a turn rate.
+The body is the carrier, or sways about it. A foot stands still in the world during its stance and is planned in the
+world during its swing, from one footprint to the next; the body frame sees both through the carrier's motion. So feet
+do not slip, by construction, on straight lines, circles and on the spot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from leg_dynamics.analysis import arguments
+from leg_dynamics.analysis.gait.laws import LAWS, law
+from leg_dynamics.analysis.gait.phases import PhaseTable
+from leg_dynamics.errors import NonFiniteError, ShapeError
+
+__all__ = ["BodyMotion", "FootMotion", "Sway", "Twist", "Walk"]
+
+
+class Twist(NamedTuple):
+    """Planar velocity of the body in its own axes: m/s ahead, m/s to the left, rad/s to the left."""
+
+    forward: float
+    sideward: float = 0.0
+    turn: float = 0.0
+
+    def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Where the carrier is after some time, in its axes at the beginning, m, (..., 2); exact, also for no turn."""
+        time = np.asarray(time, dtype=float)
+        half = 0.5 * self.turn * time
+        # The chord of the arc, which points half the turn to the side.
+        chord = time * np.sinc(half / np.pi)
+        c, s = np.cos(half), np.sin(half)
+        x, y = self.forward, self.sideward
+        return chord[..., None] * np.stack([c * x - s * y, s * x + c * y], axis=-1)
+
+    def turned(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Rotation from the carrier's axes after some time to those at the beginning, (..., 2, 2)."""
+        angle = self.turn * np.asarray(time, dtype=float)
+        c, s = np.cos(angle), np.sin(angle)
+        return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+
+
+class FootMotion(NamedTuple):
+    """Feet in the body frame, each (T, N, 3): m, m/s, m/s²."""
+
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+
+
+class BodyMotion(NamedTuple):
+    """The body in the world at T times."""
+
+    position: NDArray[np.float64]
+    """Its origin, m, (T, 3); the carrier starts at (0, 0, 0), and feet at home are below it at their own heights."""
+    yaw: NDArray[np.float64]
+    """rad, (T,)."""
+    acceleration: NDArray[np.float64]
+    """Of its origin, in body axes, m/s², (T, 3)."""
+    turn: float
+    """Turn rate, rad/s."""
+
+    def acceleration_at(self, point: ArrayLike) -> NDArray[np.float64]:
+        """Acceleration of a point fixed in the body, in body axes, m/s², (T, 3)."""
+        x, y, _ = np.moveaxis(np.broadcast_to(np.asarray(point, dtype=float), self.position.shape), -1, 0)
+        return self.acceleration - self.turn**2 * np.stack([x, y, 0.0 * x], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Sway:
+    """A periodic shift of the body against its carrier: sum over k of cosine[k-1] cos(k w t) + sine[k-1] sin(k w t).
+
+    Parameters
+    ----------
+    cosine, sine : array_like, shape (K, 3)
+        m, in the carrier's axes; w = 2 pi over the gait's period.
+    """
+
+    cosine: NDArray[np.float64]
+    sine: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name in ("cosine", "sine"):
+            array = arguments.reals(name, getattr(self, name))
+            if array.ndim != 2 or array.shape[1] != 3 or array.shape != np.shape(self.cosine):
+                raise ShapeError(f"{name} of a sway has shape {array.shape}; cosine and sine are (K, 3), alike")
+            if not np.isfinite(array).all():
+                raise NonFiniteError(f"{name} of a sway holds NaN or infinity")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    def value(self, cycles: ArrayLike, period: float, derivative: int = 0) -> NDArray[np.float64]:
+        """The shift, or a derivative by time, (..., 3), at a time over the period."""
+        k = np.arange(1, len(self.cosine) + 1)
+        rate = (2.0 * np.pi * k / period) ** derivative
+        # Each derivative advances both waves by a quarter of a turn.
+        angle = 2.0 * np.pi * k * np.asarray(cycles, dtype=float)[..., None] + 0.5 * np.pi * derivative
+        shift: NDArray[np.float64] = (rate * np.cos(angle)) @ self.cosine + (rate * np.sin(angle)) @ self.sine
+        return shift
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A steady walk on level ground.
+
+    Parameters
+    ----------
+    table : PhaseTable
+        The gait, for N legs.
+    homes : array_like, shape (N, 3)
+        Where each foot stands in the middle of its stance, in the carrier's frame, m.
+    period : float
+        s.
+    twist : Twist
+        Velocity of the carrier.
+    clearance : float
+        Height of the swing above the ground, m.
+    law : {"polynomial", "cycloid", "minimum_jerk"}
+        Path law of the swing, see `leg_dynamics.analysis.gait.laws.LAWS`.
+    sway : Sway, optional
+        Shift of the body.
+
+    Raises
+    ------
+    TrajectoryError, ShapeError, NonFiniteError
+        A number is not usable.
+    """
+
+    table: PhaseTable
+    homes: NDArray[np.float64]
+    period: float
+    twist: Twist
+    clearance: float = 0.1
+    law: str = "polynomial"
+    sway: Sway | None = None
+    _step: NDArray[np.float64] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        arguments.kind("the phase table", self.table, PhaseTable, hint="phase_table makes one")
+        homes = arguments.reals("home positions of the feet", self.homes)
+        if homes.shape != (len(self.table), 3):
+            raise ShapeError(f"homes have shape {homes.shape}; {len(self.table)} legs need ({len(self.table)}, 3)")
+        if not np.isfinite(homes).all():
+            raise NonFiniteError("a home position of a foot is NaN or infinite")
+        homes.setflags(write=False)
+        object.__setattr__(self, "homes", homes)
+        object.__setattr__(self, "period", arguments.positive("period", self.period, "seconds"))
+        object.__setattr__(self, "twist", Twist(*arguments.vector("twist", self.twist, 3).tolist()))
+        object.__setattr__(self, "clearance", arguments.tolerance("clearance", self.clearance))
+        arguments.choice("path law", self.law, LAWS)
+        if self.sway is not None:
+            arguments.kind("sway", self.sway, Sway)
+        # From each footprint to the next, seen from the carrier in the middle of the stance.
+        turned = self.twist.turned(self.period)
+        step = homes[:, :2] @ turned.T + self.twist.displacement(self.period) - homes[:, :2]
+        object.__setattr__(self, "_step", np.column_stack([step, np.zeros(len(homes))]))
+
+    @property
+    def stance_duration(self) -> float:
+        """s."""
+        return self.table.duty * self.period
+
+    @property
+    def swing_duration(self) -> float:
+        """s."""
+        return (1.0 - self.table.duty) * self.period
+
+    @property
+    def stride(self) -> float:
+        """Path of the carrier over the ground during one stance, m: how far a foot goes back below the body."""
+        return float(np.hypot(self.twist.forward, self.twist.sideward)) * self.stance_duration
+
+    def cycles(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Time over period, for finite times (...), s."""
+        time = arguments.reals("time", time)
+        if not np.isfinite(time).all():
+            raise NonFiniteError("a time is NaN or infinite; give finite times in seconds")
+        return time / self.period
+
+    def in_stance(self, time: ArrayLike) -> NDArray[np.bool_]:
+        """Whether each foot is on the ground, (..., N)."""
+        return self.table.in_stance(self.cycles(time))
+
+    def feet(self, time: ArrayLike) -> FootMotion:
+        """Foot targets in the body frame.
+
+        Parameters
+        ----------
+        time : array_like, shape (T,)
+            s, any.
+
+        Returns
+        -------
+        FootMotion
+            Analytic, velocity and acceleration exact; acceleration is continuous.
+        """
+        cycles = self.cycles(time)
+        duty, swing = self.table.duty, self.swing_duration
+        u = self.table.leg_phase(cycles)
+        flown = np.clip((u - duty) / (1.0 - duty), 0.0, 1.0)
+        profile = law(self.law, flown)
+        lift = np.array([0.0, 0.0, self.clearance])
+        # In the world, seen from the carrier as it was in the middle of the last stance.
+        world = [
+            profile.along[k][..., None] * self._step / swing**k + profile.lift[k][..., None] * lift / swing**k
+            for k in range(3)
+        ]
+        resting = u <= duty
+        world[1][resting] = 0.0
+        world[2][resting] = 0.0
+        return self._seen(cycles, (u - 0.5 * duty) * self.period, world)
+
+    def _seen(
+        self, cycles: NDArray[np.float64], since: NDArray[np.float64], world: list[NDArray[np.float64]]
+    ) -> FootMotion:
+        """World motions relative to the homes as the body sees them, `since` s after the carrier was there."""
+        x, y, w = self.twist
+        back = np.swapaxes(self.twist.turned(since), -1, -2)
+        place = self.homes + world[0]
+        place[..., :2] -= self.twist.displacement(since)
+
+        def rotated(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+            plane = np.einsum("...ij,...j->...i", back, vector[..., :2])
+            return np.concatenate([plane, vector[..., 2:]], axis=-1)
+
+        def crossed(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+            """The turn rate, upwards, cross a vector."""
+            return w * np.stack([-vector[..., 1], vector[..., 0], 0.0 * vector[..., 2]], axis=-1)
+
+        position, moved, accelerated = rotated(place), rotated(world[1]), rotated(world[2])
+        velocity = moved - np.array([x, y, 0.0]) - crossed(position)
+        acceleration = accelerated - crossed(moved) - crossed(velocity)
+        if self.sway is None:
+            return FootMotion(position, velocity, acceleration)
+        sway = [self.sway.value(cycles, self.period, k)[..., None, :] for k in range(3)]
+        return FootMotion(position - sway[0], velocity - sway[1], acceleration - sway[2])
+
+    def body(self, time: ArrayLike) -> BodyMotion:
+        """The body in the world at times (T,), s."""
+        cycles = self.cycles(time)
+        time = cycles * self.period
+        x, y, w = self.twist
+        shift, rate, second = np.zeros((3, *time.shape, 3))
+        if self.sway is not None:
+            shift, rate, second = (self.sway.value(cycles, self.period, k) for k in range(3))
+        plane = self.twist.displacement(time) + np.einsum("...ij,...j->...i", self.twist.turned(time), shift[..., :2])
+        position = np.concatenate([plane, shift[..., 2:]], axis=-1)
+        # w x (v + w x s) + 2 w x s' + s''
+        acceleration = second.copy()
+        acceleration[..., 0] -= w * (y + 2.0 * rate[..., 1]) + w**2 * shift[..., 0]
+        acceleration[..., 1] += w * (x + 2.0 * rate[..., 0]) - w**2 * shift[..., 1]
+        return BodyMotion(position, w * time, acceleration, w)
+
+    def in_world(self, time: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
+        """Points of the body frame, (T, N, 3), in the world, m."""
+        body, points = self.body(time), np.asarray(points, dtype=float)
+        turned = self.twist.turned(self.cycles(time) * self.period)
+        plane = np.einsum("tij,tnj->tni", turned, points[..., :2])
+        return np.concatenate([plane, points[..., 2:]], axis=-1) + body.position[:, None, :]
