@@ -255,7 +255,7 @@ class Motion:
         self._spin_rate: dict[Orientation, Vector] = {}
         self._local: dict[Orientation, tuple[Vector, Vector]] = {}
         self._gyration: dict[Orientation, Matrix] = {}
-        self._arm: dict[tuple[Orientation, tuple[object, ...]], Vector] = {}
+        self._arm: dict[tuple[Orientation, tuple[object, ...]], tuple[Vector, Vector]] = {}
         self._rate: dict[Form, Scalar] = {}
         self._acceleration: dict[Form, Scalar] = {}
 
@@ -356,8 +356,9 @@ class Motion:
             return vector
         key = (node, tuple(x if isinstance(x, float) else id(x) for x in vector))
         if key not in self._arm:
-            self._arm[key] = matvec(self.matrix(node), vector)
-        return self._arm[key]
+            # The vector is kept: an identity is taken again by another object once its own is gone.
+            self._arm[key] = (vector, matvec(self.matrix(node), vector))
+        return self._arm[key][1]
 
     def spin(self, node: Orientation) -> Vector:
         """Angular velocity in reference axes, rad/s."""

@@ -69,16 +69,11 @@ class Block:
 
     def determinant(self, pose: Motion) -> Scalar:
         """Determinant of the rows' derivatives, dimensionless, at a pose in terms of the model's u."""
-        known = {}
-        for k, form in enumerate(self.forms):
-            if form.terms:
-                s, c = pose.sincos(form.linear)
-                if form.constant != 0.0:
-                    s0, c0 = sin(form.constant), cos(form.constant)
-                    s, c = add(mul(s, c0), mul(c, s0)), sub(mul(c, c0), mul(s, s0))
-                known[Form(((k, 1.0),))] = (s, c)
-        full = Motion([form.of(pose.u) for form in self.forms], sincos=known)
-        _, partials = evaluate_rows(self.rows, full)
+        if all(form == Form(((k, 1.0),)) for k, form in enumerate(self.forms)):
+            # No relations: the pose itself, with what parameters add to it.
+            _, partials = evaluate_rows(self.rows, pose)
+        else:
+            _, partials = evaluate_rows(self.rows, self._full(pose))
         entries = [
             {
                 j: mul(unit, row[column])
@@ -88,6 +83,18 @@ class Block:
             for row in partials
         ]
         return determinant(entries)
+
+    def _full(self, pose: Motion) -> Motion:
+        """The pose in all unknowns that couplings leave; sines and cosines are composed, not made again."""
+        known = {}
+        for k, form in enumerate(self.forms):
+            if form.terms:
+                s, c = pose.sincos(form.linear)
+                if form.constant != 0.0:
+                    s0, c0 = sin(form.constant), cos(form.constant)
+                    s, c = add(mul(s, c0), mul(c, s0)), sub(mul(c, c0), mul(s, s0))
+                known[Form(((k, 1.0),))] = (s, c)
+        return Motion([form.of(pose.u) for form in self.forms], sincos=known)
 
 
 def determinant(rows: Sequence[dict[int, Scalar]]) -> Scalar:

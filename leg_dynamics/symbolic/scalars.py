@@ -131,7 +131,11 @@ def atan2(y: Scalar, x: Scalar) -> Scalar:
     """Angle of the point (x, y), rad."""
     if isinstance(y, float) and isinstance(x, float):
         return math.atan2(y, x)
-    return np.arctan2(y, x)
+    if isinstance(y, np.ndarray) or isinstance(x, np.ndarray):
+        return np.arctan2(y, x)
+    import casadi
+
+    return casadi.atan2(y, x)
 
 
 def clean(x: Scalar, size: float = 1.0) -> Scalar:
@@ -144,9 +148,11 @@ def clean(x: Scalar, size: float = 1.0) -> Scalar:
 
 
 def clean_matrix(matrix: Any) -> Matrix:
-    """A constant rotation, its entries near 0 and 1 made exact."""
+    """A constant rotation, its entries near 0 and 1 made exact; symbols stay as they are."""
 
-    def entry(x: float) -> float:
+    def entry(x: Scalar) -> Scalar:
+        if not isinstance(x, (float, int, np.floating)):
+            return x
         x = float(x)
         for exact in (0.0, 1.0, -1.0):
             if abs(x - exact) < ROUNDING:
@@ -154,7 +160,7 @@ def clean_matrix(matrix: Any) -> Matrix:
         return x
 
     rows = [tuple(entry(x) for x in row) for row in matrix]
-    return (rows[0], rows[1], rows[2])  # type: ignore[return-value]
+    return (rows[0], rows[1], rows[2])
 
 
 def dot(a: Vector, b: Vector) -> Scalar:

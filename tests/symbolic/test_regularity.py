@@ -89,7 +89,8 @@ def check(symbolic, numeric, count, seed):
     wanted = numeric.tree_coordinates(q[answered], failures)[:, order]
     assert not failures, failures.combined(len(answered))
     assert np.abs(found[answered] - wanted).max() < AGREE
-    left = np.setdiff1d(np.arange(count), answered)[:50]
+    left = np.setdiff1d(np.arange(count), answered)
+    left = np.random.default_rng(seed).choice(left, min(50, len(left)), replace=False)
     # Nearly all of the others have no answer at all.
     failures = RowFailures()
     numeric.tree_coordinates(q[left], failures)
@@ -108,6 +109,7 @@ def test_two_hundred_thousand_rows_without_a_wrong_branch(both):
     check(symbolic, numeric, 20_000 if symbolic.model.n > 3 else 200_000, 1)
 
 
+@pytest.mark.filterwarnings("ignore:.*gives no configuration")
 def test_the_way_over_a_singular_pose_is_refused_on_both_sides(lab):
     path = lab.SHARED_MODELS / "four_bar.urdf"
     if not path.exists():
