@@ -6,7 +6,7 @@ from leg_dynamics.analysis.design.motion import gait_path
 from leg_dynamics.analysis.design.objectives import BUILT_IN, Objective
 from leg_dynamics.analysis.design.ranges import Filter, Range
 from leg_dynamics.analysis.design.result import StageResult, StudyResult
-from leg_dynamics.analysis.design.run import run
+from leg_dynamics.analysis.design.running import run
 from leg_dynamics.analysis.design.study import Plan, Resolution, Row, Stage, Study
 
 __all__ = [

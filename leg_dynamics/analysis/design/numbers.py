@@ -8,16 +8,18 @@ and is used only if renderings at random designs in between confirm it to 1e-13;
 
 from __future__ import annotations
 
+import contextlib
 import math
+import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from leg_dynamics.analysis.dexterity import home_coordinates
-from leg_dynamics.errors import LegDynamicsError
+from leg_dynamics.errors import LegDynamicsError, LegDynamicsWarning
 
 if TYPE_CHECKING:
     from leg_dynamics.analysis.design.ranges import Range
@@ -37,12 +39,22 @@ _AXES = "xyz"
 def read(leg: Leg, parameters: Mapping[str, float]) -> Description:
     """Render and read the leg's source with some parameters changed."""
     recipe: Any = leg.recipe
-    return leg.description if not parameters else recipe.with_parameters(dict(parameters)).description
+    with _without_warnings():
+        return leg.description if not parameters else recipe.with_parameters(dict(parameters)).description
 
 
 def build(leg: Leg, parameters: Mapping[str, float]) -> Leg:
     """Make the leg with some parameters changed; every impossible value has its error here."""
-    return leg.replace(**parameters)
+    with _without_warnings():
+        return leg.replace(**parameters)
+
+
+@contextlib.contextmanager
+def _without_warnings() -> Iterator[None]:
+    """What is odd in one of thousands of designs is no news; the chosen one is made again in the open."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LegDynamicsWarning)
+        yield
 
 
 def limit_numbers(description: Description) -> dict[str, float]:

@@ -87,6 +87,8 @@ def objectives_of(leg: Leg, wanted: Sequence[str | Objective], has_path: bool) -
     from leg_dynamics.analysis.design.ranges import check_names
 
     names = [each if isinstance(each, str) else each.name for each in wanted]
+    # An objective without a function is a built-in one, as a study holds it.
+    wanted = [each if isinstance(each, str) or each.function is not None else each.name for each in wanted]
     check_names("objective", [each for each in wanted if isinstance(each, str)], BUILT_IN, leg.name)
     if len(set(names)) < len(names) or not names:
         raise ParameterError(f"the objectives {', '.join(names) or '(none)'} must be at least one, and all different")

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from leg_dynamics.analysis.design.numbers import build
 from leg_dynamics.analysis.design.study import Plan, Row, Study
 from leg_dynamics.analysis.workspace.result import plain
 
@@ -169,7 +168,7 @@ class StudyResult:
 
     def chosen_leg(self) -> Leg | None:
         """The chosen design, rendered from its source and read like any leg."""
-        return None if self.chosen is None else build(self.study.leg, self.chosen.design)
+        return None if self.chosen is None else self.study.leg.replace(**self.chosen.design)
 
     def to_dict(self) -> dict[str, Any]:
         """The summary as JSON-ready values."""

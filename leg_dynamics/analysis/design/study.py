@@ -39,7 +39,8 @@ TOLERANCE = 0.02
 _FIRST, _LAST, _LAST_SINGLE = 10, 17, 13
 """Powers of two: samples of a design, from and to."""
 
-_PILOTS = 4
+_PILOTS, _LEAST_PILOT = 4, 0.2
+"""Designs that the resolution is chosen by, beside that which the study starts from, and the least share of its V."""
 
 
 @dataclass(frozen=True)
@@ -297,7 +298,9 @@ def _resolution(study: Study, designs: Designs, sign: float, *, single: bool) ->
     """Double the samples until the worst of some pilot designs is known to the tolerance."""
     import warnings
 
+    # Of a workspace that is tiny in its box few samples are feasible: such designs are not what a study is about.
     ones = [designs.at({})]
+    least = _LEAST_PILOT * dexterity_indices(ones[0], Sampler(len(ones[0].lower), 4096, 0).points, sign)[0]["V"]
     for index in range(50):
         if len(ones) == 1 + (1 if single else _PILOTS):
             break
@@ -307,7 +310,7 @@ def _resolution(study: Study, designs: Designs, sign: float, *, single: bool) ->
             one = designs.at(design)
         except LegDynamicsError:
             continue
-        if dexterity_indices(one, Sampler(len(one.lower), 4096, 0).points, sign)[0]["V"] > 0.0:
+        if dexterity_indices(one, Sampler(len(one.lower), 4096, 0).points, sign)[0]["V"] > least:
             ones.append(one)
     last = _LAST_SINGLE if single else _LAST
     # L and Z are found by bisection: the samples only bound where they are looked for.

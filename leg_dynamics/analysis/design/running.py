@@ -18,6 +18,9 @@ from leg_dynamics.errors import LegDynamicsError, StudyError
 __all__ = ["run"]
 
 Progress = Callable[[str, float], None]
+PATIENCE = 10.0
+"""s, for a Dask scheduler to answer."""
+
 _RETRIES = 5
 """Of a chunk whose Dask worker dies, beyond which the chunk itself is to blame."""
 
@@ -236,7 +239,7 @@ def _on_dask(plan: Plan, scheduler: str) -> Iterator[_Compute]:
         ) from None
     digest, payload = plan.study.digest(), pickle.dumps(plan)
     try:
-        client = Client(scheduler, timeout=10, set_as_default=False)
+        client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise StudyError(
             f"no Dask scheduler answers at {scheduler!r} ({' '.join(str(error).split())[:200]}): start one, or leave "
@@ -251,8 +254,10 @@ def _on_dask(plan: Plan, scheduler: str) -> Iterator[_Compute]:
                 _compute_chunk, digest, payload, number, chosen, rows, pure=False, retries=_RETRIES, key=None
             )
             futures[future] = k
+        with client.as_current():
+            finished = as_completed(list(futures))
         try:
-            for future in as_completed(list(futures)):
+            for future in finished:
                 try:
                     rows = future.result()
                 except LegDynamicsError:
