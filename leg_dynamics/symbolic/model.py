@@ -27,6 +27,8 @@ from leg_dynamics.symbolic.tree import Tree, build_tree, characteristic_length
 __all__ = ["Model", "build_model"]
 
 SAMPLES = 240
+# Joint limits nearer to each other than this, rad or shares of the mechanism's length, tell too little.
+NARROW = 0.2
 SPEED = 3.0
 ACCELERATION = 20.0
 # Merging is decided where the closure does not magnify rounding.
@@ -132,14 +134,20 @@ class Model:
 
 
 def search_box(description: Description, names: Sequence[str], length: float) -> tuple[np.ndarray, np.ndarray]:
-    """Joint limits, cut to half a turn and to four lengths of the mechanism either way."""
+    """Joint limits, cut to half a turn and to four lengths of the mechanism either way.
+
+    What is found from samples must not be a coincidence of poses that are all the same: a narrow range is widened.
+    """
     lower, upper = [], []
     for name in names:
         joint = description.joint(name)
-        reach = math.pi if joint.unit == "rad" else 4.0 * length
+        turns = joint.unit == "rad"
+        reach = math.pi if turns else 4.0 * length
         low, high = joint.limits.lower, joint.limits.upper
-        lower.append(max(low, -reach) if high > -reach else low)
-        upper.append(min(high, reach) if low < reach else high)
+        low, high = max(low, -reach) if high > -reach else low, min(high, reach) if low < reach else high
+        lacking = max(NARROW * (1.0 if turns else length) - (high - low), 0.0)
+        lower.append(low - 0.5 * lacking)
+        upper.append(high + 0.5 * lacking)
     return np.array(lower), np.array(upper)
 
 

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 import leg_dynamics as ld
-from leg_dynamics.analysis.design import Filter, Objective, Range, Stage, Study, gait_path, run
+from leg_dynamics.analysis.design import Filter, Objective, Range, Stage, StageResult, Study, gait_path, run
 from leg_dynamics.analysis.design.numbers import learn, limit_numbers
 from leg_dynamics.analysis.design.poses import Family
 from leg_dynamics.analysis.design.study import Evaluator, Plan
@@ -39,7 +39,7 @@ def hexapod():
 def evaluator(hexapod):
     """Indices of any design of the primary parameters, by one set of kernels."""
     names = ("V", "kbar", "ktilde", "k_min", "L", "Z", "Z_b", "Z_f")
-    study = Study(hexapod, (Stage(PRIMARY, 10),), objectives=names, ignore=AUDIT_LIMITS, tolerance=0.04)
+    study = Study(hexapod, (Stage(PRIMARY, 10),), objectives=names, ignore=AUDIT_LIMITS, tolerance=0.06)
     return Evaluator(Plan.of(study))
 
 
@@ -254,7 +254,14 @@ def test_own_objective_that_fails_is_a_row(hexapod, function):
 
 
 def test_dear_objectives_wait_for_the_filters(hexapod):
-    study = Study(hexapod, (Stage(PRIMARY, 12),), objectives=("L", "mass"), filters=("L>=1.0",), ignore=AUDIT_LIMITS)
+    study = Study(
+        hexapod,
+        (Stage(PRIMARY, 12),),
+        objectives=("L", "mass"),
+        filters=("L>=1.0",),
+        ignore=AUDIT_LIMITS,
+        tolerance=0.1,
+    )
     rows = run(study).stages[0].rows
     assert 0 < sum(row.accepted for row in rows) < 12
     assert all(row.accepted == math.isfinite(row.values["mass"]) for row in rows)
@@ -264,9 +271,9 @@ def test_dear_objectives_wait_for_the_filters(hexapod):
 
 
 def test_impossible_designs_are_rows(hexapod):
-    ranges = (Range("a", -0.1, 0.3, 3), Range("l2_min", 0.5, 0.8, 2), Range("cross_mass", -0.2, 0.3, 2))
-    rows = run(Study(hexapod, (Stage(ranges),), objectives=("V",))).stages[0].rows
-    assert [row.status for row in rows] == ["failed", "ok", "ok", "ok", "failed", "failed", "ok"]
+    ranges = (Range("a", -0.1, 0.3, 2), Range("l2_min", 0.5, 0.8, 2))
+    rows = run(Study(hexapod, (Stage(ranges),), objectives=("V",), tolerance=0.2)).stages[0].rows
+    assert [row.status for row in rows] == ["failed", "ok", "ok", "failed"]
     for row in rows:
         if row.status == "failed":
             kind, _, text = row.reason.partition(": ")
@@ -291,7 +298,7 @@ def test_choice_and_files(hexapod, tmp_path):
         objectives=("L", "Z_b"),
         filters=("L>=1.0", "Z_b>=0.35", "l2_max<=0.78"),
         choose="max:L",
-        tolerance=0.1,
+        tolerance=0.2,
         ignore=AUDIT_LIMITS,
         chunk=7,
     )
@@ -305,11 +312,12 @@ def test_choice_and_files(hexapod, tmp_path):
     assert first.chosen.values["L"] == max(row.values["L"] for row in accepted)
     assert second.base == first.chosen.design
     assert all(first.chosen.design.items() <= row.design.items() for row in second.rows)
-    median = dataclasses.replace(study, choose="median")
-    choice = run(median).stages[0].chosen
-    assert choice.accepted
+    median = dataclasses.replace(study, choose="median", stages=study.stages[:1])
+    middle = StageResult.of(median, 0, {}, list(first.rows)).chosen
+    assert middle.accepted
+    assert middle != first.chosen
 
-    files = {path.name: path for path in result.write(tmp_path / "out")}
+    files = {path.name: path for path in result.write(tmp_path / "out", figures=False)}
     assert {"designs.csv", "summary.json", "chosen.yaml", "chosen.urdf", "histograms_1.png", "objectives_2.png"} <= set(
         files
     )
@@ -328,6 +336,22 @@ def test_choice_and_files(hexapod, tmp_path):
     assert reread.numbers == again.numbers
 
 
+@pytest.mark.slow
+def test_figures_and_page(hexapod, tmp_path):
+    from leg_dynamics.analysis.design.page import render_page
+
+    stages = (Stage(PRIMARY[:2], 12), Stage(PRIMARY[3:], 8))
+    result = run(Study(hexapod, stages, objectives=("L", "kbar"), filters=("L>=1",), tolerance=0.2))
+    names = {path.name for path in result.write(tmp_path)}
+    assert {f"{kind}_{stage}.png" for kind in ("histograms", "objectives") for stage in (1, 2)} <= names
+    page = render_page(result)
+    assert page.count("<figure>") == 4
+    assert "http" not in page.replace("http://www.w3.org", "")
+    sweep = run(Study(hexapod, (Stage((Range("a", 0.1, 0.3, 4),)),), objectives=("L",), tolerance=0.2))
+    assert "sweep_a.png" in {path.name for path in sweep.write(tmp_path)}
+
+
+@pytest.mark.slow
 def test_changed_leg_keeps_its_changes(hexapod):
     changed = hexapod.replace(c=0.06)
     result = run(Study(changed, (Stage(PRIMARY[:1], 3),), objectives=("V",), tolerance=0.1))
@@ -398,6 +422,7 @@ def test_leg_that_cannot_be_studied(hexapod, tmp_path):
         Study(design_legs.planar(tmp_path), (Stage((Range("l1", 0.1, 0.2),), 1),), objectives=("L",))
 
 
+@pytest.mark.slow
 def test_resolution_that_is_out_of_reach_is_said(hexapod):
     study = Study(hexapod, (Stage(PRIMARY, 1),), objectives=("V",), tolerance=0.00001)
     with pytest.warns(LegDynamicsWarning, match="NOT within"):

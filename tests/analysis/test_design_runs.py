@@ -48,7 +48,7 @@ def expected(study):
     return bits(run(study))
 
 
-@pytest.mark.parametrize("workers", [2, 3])
+@pytest.mark.parametrize("workers", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_workers_do_not_matter(study, expected, workers):
     assert bits(run(study, workers=workers)) == expected
 
@@ -157,6 +157,7 @@ def killed_and_resumed(tmp_path, samples, workers):
     return (whole / "designs.csv").read_bytes(), (torn / "designs.csv").read_bytes()
 
 
+@pytest.mark.slow
 def test_killed_study_goes_on(tmp_path):
     one, other = killed_and_resumed(tmp_path, 500, 1)
     assert one == other
@@ -208,6 +209,7 @@ def test_monte_carlo_of_the_audit(tmp_path):
         objectives=("kbar", "ktilde", "L", "Z_b"),
         filters=("L>=1.0", "Z_b>=0.35"),
         ignore=("clearance", "telescope"),
+        tolerance=0.03,  # ktilde of the worst pilot design is known to 2.1 %
     )
     stage = run(study, tmp_path, workers=None).stages[0]
     medians = stage.medians()
@@ -243,6 +245,7 @@ def cluster(workers):
         yield found
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 def test_dask_cluster_gives_the_same(study, expected):
     with cluster(2) as found:
@@ -296,6 +299,7 @@ def test_rate_of_poses():
     assert max(rates) > 2e6
 
 
+@pytest.mark.slow
 def test_single_legs_in_workers(tmp_path):
     study = Study(design_legs.planar(tmp_path), (Stage((Range("l1", 0.3, 0.5),), 2),), objectives=("V",), chunk=1)
     assert bits(run(study, workers=2)) == bits(run(study))

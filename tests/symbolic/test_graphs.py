@@ -8,6 +8,7 @@ import pytest
 import leg_dynamics as ld
 from leg_dynamics.description import parse, read
 from leg_dynamics.errors import RowFailures
+from leg_dynamics.symbolic import model as symbolic_model
 from leg_dynamics.symbolic.graphs import Graphs
 from leg_dynamics.symbolic.model import build_model
 from leg_dynamics.verification.perturbation import with_random_inertia
@@ -26,6 +27,8 @@ METHODS = {
     "torque": ("q", "v", "a", "foot_force", "gravity"),
     "acceleration": ("q", "v", "tau", "foot_force", "gravity"),
 }
+LOOP_KINDS = dict.fromkeys(("revolute", "spherical"), ())
+LOOP_KINDS |= dict.fromkeys(("continuous", "prismatic", "fixed", "planar", "universal"), pytest.mark.slow)
 OMNILEG_SPREAD = np.radians([65.0, 65.0, 85.0])
 
 
@@ -77,7 +80,7 @@ def models(lab, text, foot="foot", hip=None, **options):
 
 @pytest.fixture(scope="module")
 def omnileg():
-    return Graphs(build_model(read("omnileg"), "foot", "hip"))
+    return Graphs(symbolic_model.build_model(read("omnileg"), "foot", "hip"))
 
 
 def test_omnileg_agrees_with_both_other_routes(lab, omnileg):
@@ -93,6 +96,7 @@ def test_omnileg_needs_no_iteration_and_few_instructions(omnileg):
     assert program.formula.n_instructions() < 1100
 
 
+@pytest.mark.slow
 def test_omnileg_body_by_body_without_relations(lab):
     graphs = Graphs(build_model(read("omnileg"), "foot", "hip", simplify=False))
     assert graphs.model.nz == 16
@@ -144,7 +148,7 @@ def test_a_resting_joint_has_no_coulomb_friction(lab):
     compare(lab, graphs, route, states, ("bias", "torque"))
 
 
-@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic", "fixed", "planar", "spherical", "universal"])
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=marks) for kind, marks in LOOP_KINDS.items()])
 def test_random_spatial_loops(lab, kind):
     graphs, route = models(lab, lab.random_loop(kind, 1), foot="link_b3")
     model = graphs.model
@@ -228,6 +232,7 @@ def split(lab, program, model, arguments):
     return np.split(whole, [model.n, 2 * model.n], axis=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["torque", "acceleration"])
 def test_parameter_derivatives_against_changed_files(lab, kind):
     text = lab.slider_crank(actuated="slide")

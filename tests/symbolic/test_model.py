@@ -7,6 +7,7 @@ import pytest
 
 from leg_dynamics.description import parse, read
 from leg_dynamics.errors import AssemblyError, DescriptionError
+from leg_dynamics.symbolic import model as symbolic_model
 from leg_dynamics.symbolic.closure import Closure
 from leg_dynamics.symbolic.coordinates import reduce_coordinates
 from leg_dynamics.symbolic.model import build_model
@@ -18,7 +19,7 @@ from leg_dynamics.symbolic.tree import build_tree, characteristic_length
 
 @pytest.fixture(scope="module")
 def omnileg():
-    return build_model(read("omnileg"), "foot", "hip")
+    return symbolic_model.build_model(read("omnileg"), "foot", "hip")
 
 
 def test_omnileg_keeps_four_unknowns_and_finds_them_one_by_one(omnileg):
@@ -87,3 +88,14 @@ def test_flags_that_do_not_fit_the_mobility(lab):
     free = text[: text.index("<loop")] + text[text.index("<configuration") :]
     with pytest.raises(DescriptionError):
         build_model(parse(free))
+
+
+def test_joint_limits_that_leave_no_room_teach_no_coincidences(lab):
+    # All samples in one pose: everything would seem constant, and any inertia as good as another.
+    text = lab.crank_rocker()
+    start = text.index("<limit ")
+    pinned = text[:start] + text[start:].replace('lower="-2" upper="2"', 'lower="0.6" upper="0.6"')
+    model = symbolic_model.build_model(parse(pinned), "foot")
+    wide = symbolic_model.build_model(parse(text), "foot")
+    assert model.nz == wide.nz
+    assert np.ptp(model.samples[:, 0]) > 0.1

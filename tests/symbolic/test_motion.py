@@ -111,3 +111,12 @@ def test_frames_against_forward_kinematics_and_differences(mechanism, reference)
         local, local_rate = here.local_spin(orientation)
         assert np.abs(matrix @ vector(local) - vector(here.spin(orientation))).max() < 1e-12
         assert np.abs(matrix @ vector(local_rate) - vector(here.spin_rate(orientation))).max() < 1e-12
+
+
+def test_arms_of_vectors_that_are_gone_are_not_taken_for_others(root):
+    node = root.turn(2, angle(0))
+    motion = Motion([np.array([0.0])])
+    # Each vector is freed after its use, and the next takes its place in memory.
+    for number in range(200):
+        arm = motion.arm(node, (np.array([float(number)]), 0.0, 0.0))
+        assert arm[0][0] == number

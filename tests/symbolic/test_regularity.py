@@ -122,3 +122,16 @@ def test_the_way_over_a_singular_pose_is_refused_on_both_sides(lab):
                 each.assemble([y])
     near, far = leg.assemble([-0.05]), other.assemble([-0.05])
     assert all(near[name] == pytest.approx(far[name], abs=AGREE) for name in near)
+
+
+@pytest.mark.slow
+def test_a_million_rows_of_the_omnileg_against_the_closed_form():
+    legs = [ld.load("omnileg", route=route) for route in ("symbolic", "closed_form")]
+    limits = legs[0].limits
+    generator = np.random.default_rng(7)
+    q = generator.uniform(limits.lower, limits.upper, (1_000_000, 3))
+    found = legs[0]._route.kernel_rows("tree_coordinates", q)
+    assert np.isfinite(found).all()
+    wanted = legs[1].assemble(q)
+    names = legs[0]._route.tree_joint_names
+    assert max(np.abs(found[:, k] - wanted[name]).max() for k, name in enumerate(names)) < AGREE

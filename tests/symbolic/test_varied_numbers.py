@@ -90,6 +90,7 @@ def test_ratios_multipliers_offsets_and_axes_of_gears(lab):
     check(lab, parse(lab.gears()), "foot", (*names, "foot.inertial.roll"), np.array([0.3]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["spherical", "revolute"])
 def test_angles_and_axes_around_a_spatial_loop(lab, kind):
     description = parse(lab.random_loop(kind, 1))

@@ -207,6 +207,20 @@ def learn(leg: Leg, ranges: Sequence[Range], seed: int = 0) -> NumberMap | str:
     NumberMap or str
         The text says why there is no map, and each design must be rendered.
     """
+    key = (leg.recipe, tuple(ranges), seed)
+    if key not in _LEARNT:
+        if len(_LEARNT) > _MOST_LEARNT:
+            _LEARNT.clear()
+        _LEARNT[key] = _learn(leg, ranges, seed)
+    return _LEARNT[key]
+
+
+_LEARNT: dict[Any, NumberMap | str] = {}
+"""Of this process, which renders a source only once; recipes compare by content."""
+_MOST_LEARNT = 64
+
+
+def _learn(leg: Leg, ranges: Sequence[Range], seed: int) -> NumberMap | str:
     backend: Any = leg.backend
     if not (hasattr(backend, "kernels") and hasattr(backend, "numbers_of") and hasattr(backend.kernels, "program")):
         return f"route {leg.route!r} has no formulas that take numbers as inputs"

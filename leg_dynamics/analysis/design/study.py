@@ -39,6 +39,7 @@ TOLERANCE = 0.02
 _FIRST, _LAST, _LAST_SINGLE = 10, 17, 13
 """Powers of two: samples of a design, from and to."""
 
+_TRIES = 20
 _PILOTS, _LEAST_PILOT = 4, 0.2
 """Designs that the resolution is chosen by, beside that which the study starts from, and the least share of its V."""
 
@@ -301,7 +302,7 @@ def _resolution(study: Study, designs: Designs, sign: float, *, single: bool) ->
     # Of a workspace that is tiny in its box few samples are feasible: such designs are not what a study is about.
     ones = [designs.at({})]
     least = _LEAST_PILOT * dexterity_indices(ones[0], Sampler(len(ones[0].lower), 4096, 0).points, sign)[0]["V"]
-    for index in range(50):
+    for index in range(_TRIES):
         if len(ones) == 1 + (1 if single else _PILOTS):
             break
         # not among the study's own designs, whose stages count from 0

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from leg_dynamics.papers.comparison import claim
 from leg_dynamics.papers.framework import Context, Figure, Status, Verdict
 from leg_dynamics.papers.judge import judge, text, worst
 from leg_dynamics.papers.omnileg import printed
@@ -25,7 +26,7 @@ from leg_dynamics.papers.omnileg.facts import (
 from leg_dynamics.papers.omnileg.reported import MOTOR_COLUMNS, MOTORS, REPORTED
 from leg_dynamics.papers.omnileg.scenarios import inferred_load
 
-__all__ = ["VERDICTS", "box", "claim"]
+__all__ = ["VERDICTS", "box"]
 
 Array = np.ndarray
 
@@ -34,18 +35,6 @@ ROOM = 1e-9
 
 IDLE = 1e-3
 """N·m; the paper draws torques to some N·m, where this is no thicker than a line."""
-
-
-def claim(
-    item: str,
-    title: str,
-    status: Status,
-    finding: str,
-    figures: Iterable[Figure] = (),
-    forms: tuple[str, str] = ("", ""),
-) -> Verdict:
-    """A verdict on a claim."""
-    return Verdict(f"claim: {item}", "claim", title, status, finding, tuple(figures), *forms)
 
 
 def box(context: Context, what: str = "") -> str:

@@ -8,13 +8,14 @@ verdict names, it agrees too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from leg_dynamics.papers.framework import Context, Figure, Status, Verdict
-from leg_dynamics.papers.judge import judge, text, worst
+from leg_dynamics.papers.comparison import compare, flat
+from leg_dynamics.papers.framework import Context, Figure, Verdict
+from leg_dynamics.papers.judge import text, worst
 from leg_dynamics.papers.omnileg import printed, reported
 from leg_dynamics.papers.omnileg.facts import (
     FEW,
@@ -43,70 +44,6 @@ Array = np.ndarray
 
 
 # ---------------------------------------------------------------------- verdicts
-
-
-def compare(
-    context: Context,
-    item: str,
-    title: str,
-    of: str,
-    unit: str,
-    printed_difference: Any,
-    corrected_difference: Any,
-    *,
-    tolerance: float = POSITION_TOLERANCE,
-    kind: str = "equation",
-    note: str = "",
-    forms: tuple[str, str] = ("", ""),
-    repair: tuple[str, Any] = ("", None),
-    figures: Iterable[Figure] = (),
-    alike: tuple[Any, Any] = ((), ()),
-) -> Verdict:
-    """Verdict from the differences of both forms to an independent fact.
-
-    `repair` names the defect: the one change that makes the printed form right, and what then is left of the
-    difference. `alike` are further differences of both forms, of another unit, that count for the status but are not
-    quoted.
-    """
-    every = [
-        np.append(np.ravel(main), np.ravel(more))
-        for main, more in zip((printed_difference, corrected_difference), alike, strict=True)
-    ]
-    explained = None if repair[1] is None else _flat(repair[1])
-    status = judge(every[0], tolerance, corrected=every[1], explained=explained)
-    off, left = worst(printed_difference), worst(corrected_difference)
-    size = f" {unit}" if unit else ""
-    off_text = "without bound" if np.isnan(off) else f"by up to {text(off)}{size}"
-    sentence = {
-        Status.CONFIRMED: f"Holds within {text(off)}{size}.",
-        Status.CORRECTED: f"As printed it is off {off_text}; the corrected form is within {text(left)}{size}.",
-        Status.NOT_REPRODUCIBLE: f"The printed form is off {off_text}, the corrected one by {text(left)}{size}.",
-        Status.OUT_OF_REACH: "",
-    }[status]
-    found = [Figure("printed form, worst difference", off, unit, of)]
-    if status is not Status.CONFIRMED:
-        found.append(Figure("corrected form, worst difference", left, unit, of))
-        if explained is not None:
-            sentence += f" The defect: {repair[0]} (to {text(worst(explained))})."
-            found.append(Figure("printed form, left after the one repair", worst(explained), "", repair[0]))
-    confirmed = status is Status.CONFIRMED
-    return Verdict(
-        item,
-        kind,
-        title,
-        status,
-        f"{sentence} {note}".strip(),
-        (*found, *figures),
-        forms[0],
-        "" if confirmed else forms[1],
-    )
-
-
-def _flat(differences: Any) -> Array:
-    """One array of differences that may have different shapes."""
-    if isinstance(differences, list):
-        return np.concatenate([np.ravel(np.asarray(part, dtype=float)) for part in differences])
-    return np.ravel(np.asarray(differences, dtype=float))
 
 
 def _box(context: Context, what: str) -> str:
@@ -160,7 +97,6 @@ def equation_1(context: Context) -> Verdict:
     own = np.stack([array(context.formulas.joint_axis(1, i), ()) for i in (1, 2, 3, 4)])
     moved = _knee_by_branch(context, 1, axes=axes)
     return compare(
-        context,
         "(1)",
         "Joint axes of thigh branch 1",
         _box(context, "axes against the file, and the knee at the end of branch 1 against the assembled mechanism"),
@@ -177,7 +113,6 @@ def equation_2(context: Context) -> Verdict:
     points = printed.points_of_branch_1(leg)
     own = np.stack([array(context.formulas.joint_point(leg, 1, i), ()) for i in (1, 2, 3, 4)])
     return compare(
-        context,
         "(2)",
         "Points on the axes of branch 1",
         _box(context, "distance from the file's axes, and the knee at the end of branch 1"),
@@ -196,7 +131,6 @@ def equation_3(context: Context) -> Verdict:
     corrected[:3] = np.column_stack([array(own.rotation, ()), array(own.position, ())])
     straight = assembled(context)._links(np.zeros(3))["knee"]
     return compare(
-        context,
         "(3)",
         "Pose of the knee in the straight leg",
         _box(context, "pose against the straight leg of the file, and the knee at the end of branch 1"),
@@ -218,7 +152,6 @@ def equation_4(context: Context) -> Verdict:
         own += [worst(array(pose.rotation, shape) - facts.rotation("knee"))]
         own += [worst(array(pose.position, shape) - facts.position("knee"))]
     return compare(
-        context,
         "(4)",
         "Knee pose as a product of exponentials",
         _box(context, "knee pose at the end of each branch, from the assembled mechanism's joint angles"),
@@ -250,7 +183,6 @@ def equation_5(context: Context) -> Verdict:
     axis = facts.axis("alpha", np.zeros(3))
     label_axis, own_axis = printed.branch_rotation_by_label(2) @ printed.Y, own[1] @ printed.Y
     return compare(
-        context,
         "(5)",
         "Rotation from branch 1 to branch k: the label",
         _box(context, "knee by branch 2 against the assembled mechanism"),
@@ -291,7 +223,6 @@ def equation_6(context: Context) -> Verdict:
         own.append(worst(np.stack([array(f.joint_axis(k, i), ()) for i in (1, 2, 3, 4)]) - there))
         moved.append(worst(_knee_by_branch(context, k)))
     return compare(
-        context,
         "(6)",
         "Joint axes of branch k",
         _box(context, "axes of all branches against the file, and the knee at the end of each"),
@@ -314,7 +245,6 @@ def equation_7(context: Context) -> Verdict:
         )
         moved.append(worst(_knee_by_branch(context, k)))
     return compare(
-        context,
         "(7)",
         "Points on the axes of branch k",
         _box(context, "distance from the file's axes, and the knee at the end of each branch"),
@@ -333,7 +263,6 @@ def equation_8(context: Context) -> Verdict:
     own = formula(context, "closure_residual", facts.q)
     tilt = np.abs(facts.rotation("knee") - np.eye(3)).max()
     return compare(
-        context,
         "(8)",
         "The three branches meet in one knee",
         _box(context, "difference of the three knee poses at numerically closed angles"),
@@ -352,7 +281,6 @@ def equation_9(context: Context) -> Verdict:
     knee = facts.position("knee")
     wrong = printed.knee_position(context.numbers, facts.q)
     return compare(
-        context,
         "(9)",
         "Knee position: x lacks sin β",
         _box(context, "knee against the assembled mechanism"),
@@ -378,7 +306,6 @@ def equation_10(context: Context) -> Verdict:
     shortening = leg.L5 + 2.0 * leg.L4 - (facts.position("foot") - facts.position("knee"))[:, 2]
     own = array(context.formulas.leg_length_change(leg, facts.q[:, 2]), facts.q.shape[:-1])
     return compare(
-        context,
         "(10)",
         "Shortening of the shank",
         _box(context, "distance of foot and knee in the assembled mechanism"),
@@ -396,7 +323,6 @@ def equation_11(context: Context) -> Verdict:
     facts = assembled(context)
     foot = facts.position("foot")
     return compare(
-        context,
         "(11)",
         "Foot position",
         _box(context, "foot of the assembled mechanism"),
@@ -428,7 +354,6 @@ def equation_12(context: Context) -> Verdict:
         )
         other.append(worst(np.linalg.norm(one[..., :3, 3] - label, axis=-1)))
     return compare(
-        context,
         "(12)",
         "Passive angles of A1 and A2: sign of θ22",
         _box(context, "angles of the assembled mechanism"),
@@ -475,7 +400,6 @@ def equation_13(context: Context) -> Verdict:
     root = np.sqrt(leg.L1**2 - foot[:, 0] ** 2 - foot[:, 1] ** 2)
     bracket = (height + root / (2.0 * leg.L4) - root) / (2.0 * leg.L4) - np.cos(q[:, 2])
     return compare(
-        context,
         "(13)",
         "Inverse kinematics: sign of α, bracket of γ",
         _box(context, "foot position reached with the found angles"),
@@ -519,7 +443,7 @@ def _rates(
     """Verdict on influence coefficients."""
     of = _box(context, f"{what}, for unit rates, against differences of assembled poses")
     options.setdefault("tolerance", RATE_TOLERANCE)
-    return compare(context, item, title, of, unit, wrong - there, own - there, **options)
+    return compare(item, title, of, unit, wrong - there, own - there, **options)
 
 
 def equation_14(context: Context) -> Verdict:
@@ -611,7 +535,6 @@ def equation_18(context: Context) -> Verdict:
     rotation = array(motions(context, "branch_motions", facts.q)["cross_A1"].turning.rotation, facts.q.shape[:-1])
     own = np.stack([rotation @ printed.Y, rotation @ printed.X])
     return compare(
-        context,
         "(18)",
         "Directions of the axes of A1",
         _box(context, "axes of the assembled mechanism"),
@@ -635,7 +558,6 @@ def equation_19(context: Context) -> Verdict:
     A1 = np.array([0.0, context.numbers.L3, 0.0])
     there = facts.position("rod_A1B1", centre) - A1
     return compare(
-        context,
         "(19)",
         "Centre of mass of the rod from A1",
         _box(context, "rod of the assembled mechanism"),
@@ -685,7 +607,6 @@ def equation_22(context: Context) -> Verdict:
     facts, centre, position, _ = _rod(context)
     there = facts.position("rod_A1B1", centre)
     return compare(
-        context,
         "(22)",
         "Centre of mass of the rod from O0",
         _box(context, "rod of the assembled mechanism"),
@@ -925,7 +846,6 @@ def equation_31(context: Context) -> Verdict:
     off_axis = centre + np.array([1e-3, 0.0, 0.0])
     error = worst(printed.shaft_centre(facts.q, off_axis) - facts.position("shaft_A4B4", off_axis))
     return compare(
-        context,
         "(31)",
         "Centre of mass of the shaft",
         _box(context, "shaft of the assembled mechanism"),
@@ -971,7 +891,6 @@ def equation_33(context: Context) -> Verdict:
     there = facts.position("knee", centre)
     own = formula(context, "knee_position", facts.q)
     return compare(
-        context,
         "(33)",
         "Centre of mass of the knee assembly",
         _box(context, "knee of the assembled mechanism"),
@@ -1070,7 +989,6 @@ def equation_35(context: Context) -> Verdict:
     """Centre of C1D1."""
     there, own = _fact_and_formula(context, lambda chain: chain.centre(chain.upper))
     return compare(
-        context,
         "(35)",
         "Centre of mass of the link C1D1 from C1",
         _box(context, "links C_iD_i of the assembled mechanism, each from C_i"),
@@ -1141,7 +1059,6 @@ def equation_38(context: Context) -> Verdict:
     lever = there - _over_chains(context, lambda chain: chain.D)
     whole = printed.D1E1_centre(context.numbers, states(context), lever) - there
     return compare(
-        context,
         "(38)",
         "Centre of mass of the link D1E1 from C1: one symbol, two vectors",
         _box(context, "position of (38) as its symbol is defined by (39), against the assembled mechanism"),
@@ -1171,7 +1088,6 @@ def equation_39(context: Context) -> Verdict:
     miss = np.linalg.norm(printed.D1E1_lever(q, end) - _over_chains(context, end_of_lower), axis=-1)
     back = printed.rot(printed.X, -q[:, 2])
     return compare(
-        context,
         "(39)",
         "Centre of mass of D1E1 from D1: E1 relative to which frame",
         _box(context, "lever in the assembled mechanism, three chains"),
@@ -1265,7 +1181,6 @@ def equation_42(context: Context) -> Verdict:
     there = _over_chains(context, lambda chain: chain.facts.position(chain.upper, chain.com(chain.upper)))
     height = worst(_over_chains(context, lambda chain: chain.C[:, 2]) - context.numbers.L5)
     return compare(
-        context,
         "(42)",
         "Centre of mass of C1D1 in O0",
         _box(context, "links C_iD_i of the assembled mechanism"),
@@ -1351,7 +1266,6 @@ def equation_44(context: Context) -> Verdict:
         constant = lagrange_torque(lambda q: mass_matrix_of(context, q, constant_tensors=True), *motion)
         inertial.append(1e3 * worst(constant - exact))
     return compare(
-        context,
         "(44)",
         "Energies: sign of the height, frame of the tensor",
         f"gravity torque against the numeric route, {len(q)} states",
@@ -1420,7 +1334,6 @@ def equation_45(context: Context) -> Verdict:
     wrong = printed.lagrange(facts["M_a"], facts["M_rate_v"], -facts["G"])
     dropped = 0.5 * np.einsum("ni,nijk,nj->nk", facts["v"], gradient(context.leg.mass_matrix, facts["q"]), facts["v"])
     return compare(
-        context,
         "(45)",
         "Lagrange's equation: L without its velocities",
         f"torque against the numeric route, {len(facts['q'])} states with rates within 1 rad/s",
@@ -1440,7 +1353,6 @@ def equation_46(context: Context) -> Verdict:
     wrong = printed.equation_of_motion(facts["M_a"], facts["V"], facts["G"], -facts["G"])
     clean = worst(facts["M_a"] + facts["V"] + facts["G"] - facts["tau"])
     return compare(
-        context,
         "(46)",
         "Equation of motion: a trailing ∂L/∂η",
         f"torque against the numeric route, {len(facts['q'])} states with rates within 1 rad/s, numbers in SI units",
@@ -1479,7 +1391,6 @@ def equation_47(context: Context) -> Verdict:
     near = np.array([[0.0, 0.0, np.radians(1.0)]])
     gain = 1e-3 / float(np.linalg.svd(printed.foot_jacobian(context.numbers, near)[0], compute_uv=False)[-1])
     return compare(
-        context,
         "(47)",
         "Foot force from motor torques: no inverse at γ = 0",
         f"force recovered from exact torques, {len(q)} bent and {len(straight)} straight states",
@@ -1526,7 +1437,6 @@ def equation_48(context: Context) -> Verdict:
     )
     asked = worst(demand)
     return compare(
-        context,
         "(48)",
         "Equation of motion as a foot force: no inverse at γ = 0",
         f"torque left when that force acts, numeric route, {len(facts['q'])} bent states and the start of (52)",
@@ -1576,7 +1486,6 @@ def equation_49(context: Context) -> Verdict:
     push = formula(context, "foot_force_torque", facts["q"], np.array(F_f))
     own = printed.foot_output_force(J, facts["tau"] + push)
     return compare(
-        context,
         "(49)",
         "Foot force with an external force: sign",
         f"force that corresponds to the torque of the numeric route with F_f on the foot, {len(F)} bent states",
@@ -1601,7 +1510,6 @@ def equation_50(context: Context) -> Verdict:
     own = _inverse_dynamics(context, facts) + formula(context, "foot_force_torque", facts["q"], np.array(F_f))
     right, flipped = _fig_11_force_side(context)
     return compare(
-        context,
         "(50)",
         "Torque with an external force: sign",
         f"torque of the numeric route with F_f on the foot, {len(tau)} bent states",
@@ -1711,12 +1619,11 @@ def equation_51(context: Context) -> Verdict:
     jump = back[0].deriv(3)(half) - forth[0].deriv(3)(half)
     up, literal = _window(context, -1.0), _window(context, 1.0)
     return compare(
-        context,
         "(51)",
         "Foot path of the inverse kinematics",
         "ends, rest at the ends, spans and peaks in closed form (strokes of 0.1, 0.1 and 0.05 m), T = 5 s",
         "m, m/s, m/s²",
-        _flat([*ends, rates, accelerations, peaks, odd_forth, odd_back]),
+        flat([*ends, rates, accelerations, peaks, odd_forth, odd_back]),
         worst(path.value(t) - curve(t)),
         tolerance=POSITION_TOLERANCE,
         note=f"T is not given: X joins at 2.5 s with T = {T:g} s (gap {text(gaps[0])} m; with the T of (53), "
@@ -1757,12 +1664,11 @@ def equation_52(context: Context) -> Verdict:
     low, high = context.limits
     beyond = np.degrees(max(0.0, worst(np.maximum(low - q, 0.0)), worst(np.maximum(q - high, 0.0))))
     return compare(
-        context,
         "(52)",
         "Motor angles of the forward kinematics",
         "start, rate, amplitude and frequency, spans of the assembled mechanism's foot in closed form, 0 to 6 s",
         "rad, rad/s, m",
-        _flat([orbit, middle, start, q[0], spans, printed.foot_position(leg, q) - foot]),
+        flat([orbit, middle, start, q[0], spans, printed.foot_position(leg, q) - foot]),
         worst(formula(context, "foot_position", q) - foot),
         note=f"It leaves the limits of Table 2 by {beyond:.0f}° (γ < 0 after 3 s), starts with "
         f"{np.degrees(rate[0, 0]):.1f}°/s, and moves the foot by "
@@ -1799,12 +1705,11 @@ def equation_53(context: Context) -> Verdict:
     t = np.linspace(0.0, T, 101)
     own = omnileg_eq53_cycle(0.0, z_sign="literal").curve.value(t)
     return compare(
-        context,
         "(53)",
         "Foot path of the gait",
         "ends, middle, rest at both ends and peaks in closed form, one step",
         "m, m/s, m/s²",
-        _flat([*ends, rest, peaks, odd]),
+        flat([*ends, rest, peaks, odd]),
         worst(own - curve(t)),
         note=f"The step rests at both ends (speed and acceleration below {text(worst(rest))}) and reaches "
         f"{speeds[0]:.4f} m/s along Y and {speeds[1]:.4f} m/s along Z. The height z0, and whether Z is up, are not "
@@ -1844,7 +1749,6 @@ def table_1(context: Context) -> Verdict:
     right = worst(facts.angle("phi_D1") + 2.0 * facts.q[:, 2])
     mended = [about_Y, from_knee, *(count - 3 for count in hinges.values())]
     return compare(
-        context,
         "Table 1",
         "Names and symbols: four entries",
         _box(context, "turn of D1 against the assembled mechanism"),
@@ -1895,7 +1799,6 @@ def table_2(context: Context) -> Verdict:
     straight = leg.L1 + 2.0 * leg.L4 + leg.L5
     needed = float(np.degrees(_follow_51(context, 0.5 * (lowest + highest))[:, 0].min()))
     return compare(
-        context,
         "Table 2",
         "Dimensions and ranges: α and β are signed",
         "angles that (51) needs beyond the limits, least over its feasible heights",

@@ -10,9 +10,10 @@ import numpy as np
 
 from leg_dynamics.description import coupling_equations
 from leg_dynamics.description.model import Description
+from leg_dynamics.papers.comparison import claim
 from leg_dynamics.papers.framework import Context, Figure, Verdict
 from leg_dynamics.papers.judge import judge
-from leg_dynamics.papers.omnileg.claims import box, claim
+from leg_dynamics.papers.omnileg.claims import box
 from leg_dynamics.papers.omnileg.facts import Assembled, assembled
 
 __all__ = [
