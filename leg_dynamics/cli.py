@@ -578,7 +578,7 @@ def design_leg(
     ] = None,
     tolerance: Annotated[
         float, typer.Option("--tolerance", metavar="X", help="Of V, kbar, ktilde, relative; decides on the samples.")
-    ] = 0.02,
+    ] = 0.03,
     ignore: Annotated[
         list[str] | None,
         typer.Option("--ignore", metavar="NAME|KIND", help="Leave out a constraint, see `workspace`; repeatable."),

@@ -318,9 +318,7 @@ def test_choice_and_files(hexapod, tmp_path):
     assert middle != first.chosen
 
     files = {path.name: path for path in result.write(tmp_path / "out", figures=False)}
-    assert {"designs.csv", "summary.json", "chosen.yaml", "chosen.urdf", "histograms_1.png", "objectives_2.png"} <= set(
-        files
-    )
+    assert {"designs.csv", "summary.json", "chosen.yaml", "chosen.urdf"} <= set(files)
     lines = files["designs.csv"].read_text(encoding="utf-8").splitlines()
     assert len(lines) == 61
     header = lines[0].split(",")

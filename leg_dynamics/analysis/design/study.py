@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Evaluator", "Plan", "Resolution", "Row", "Stage", "Study"]
 
-TOLERANCE = 0.02
-"""Of V, kbar and ktilde, relative, where none is asked for: a hundredth of what ranges of some ten per cent change."""
+TOLERANCE = 0.03
+"""Of V, kbar and ktilde, relative, where none is asked for: ktilde decides, V and kbar are known to a few per mille."""
 
 _FIRST, _LAST, _LAST_SINGLE = 10, 17, 13
 """Powers of two: samples of a design, from and to."""

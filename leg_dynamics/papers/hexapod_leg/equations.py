@@ -794,9 +794,8 @@ def equation_32(context: Context) -> Verdict:
         [in_m - there, in_mm - there],
         [own - there, own_mm - there],
         tolerance=noise,
-        note=f"Printed, it has dimension 1/√S: {in_m:.2f} with lengths in m; {in_mm:.2g} in mm, for a deviation "
-        "of "
-        f"{own:.2f}.",
+        note=f"As printed it has the dimension of 1/√S: {in_m:.2f} with lengths in m, {in_mm:.2g} in mm, for a "
+        f"deviation of {own:.2f}.",
         forms=("k̃ = √(∫_S (k − k̄)² dS) / S", "k̃ = √(∫_S (k − k̄)² dS / S)"),
         repair=(
             "S belongs under the root; times √S the printed value is the deviation in either unit",
