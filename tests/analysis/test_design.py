@@ -344,7 +344,7 @@ def test_figures_and_page(hexapod, tmp_path):
     assert {f"{kind}_{stage}.png" for kind in ("histograms", "objectives") for stage in (1, 2)} <= names
     page = render_page(result)
     assert page.count("<figure>") == 4
-    assert "http" not in page.replace("http://www.w3.org", "")
+    assert "://" not in page
     sweep = run(Study(hexapod, (Stage((Range("a", 0.1, 0.3, 4),)),), objectives=("L",), tolerance=0.2))
     assert "sweep_a.png" in {path.name for path in sweep.write(tmp_path)}
 
