@@ -190,6 +190,8 @@ class Quick(NamedTuple):
     """For large arrays, on several threads; takes ``out`` by name."""
     counter: memoryview
     """``counter[0]`` grows with every row that fails, in all threads; such rows are NaN."""
+    row: Callable[..., np.ndarray | None] | None = None
+    """For one sample: takes the arrays and optionally one for the result; None where it needs the careful way."""
 
 
 class QuickRoute(Route, Protocol):
@@ -293,6 +295,7 @@ class Leg:
         "_quick_torque",
         "_recipe",
         "_route",
+        "_torque_row",
         "_units",
     )
 
@@ -308,6 +311,7 @@ class Leg:
     _gravity: np.ndarray
     _quick: dict[str, Quick]
     _quick_torque: Quick | None
+    _torque_row: Callable[..., np.ndarray | None] | None
 
     def __init__(self, route: Route, description: Description, foot: str | None, recipe: Recipe) -> None:
         joints = [description.joint(name) for name in route.joint_names]
@@ -332,6 +336,7 @@ class Leg:
             "_gravity": gravity,
             "_quick": {},
             "_quick_torque": None,
+            "_torque_row": None,
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -459,6 +464,8 @@ class Leg:
         quick = self._quick.get(name)
         if quick is None:
             return None
+        if quick.row is not None and (row := quick.row(*arrays)) is not None:
+            return row
         large = False
         for array in arrays:
             if type(array) is not _ARRAY or array.dtype is not _FLOAT:
@@ -497,6 +504,7 @@ class Leg:
             self._quick[name] = quick
             if name == "torque":
                 object.__setattr__(self, "_quick_torque", quick)
+                object.__setattr__(self, "_torque_row", quick.row)
 
     def _run(self, call: _Call, name: str, shape: tuple[int, ...], *names: str, out: Any = None) -> np.ndarray:
         """Evaluate a method of the route on checked arguments."""
@@ -777,6 +785,11 @@ class Leg:
         """
         if foot_force is None and gravity is None:
             # Written out: this is the inner loop of a controller, and a function call costs a tenth of it.
+            row = self._torque_row
+            if row is not None and on_error == "raise":
+                result = row(q, v, a) if out is None else row(q, v, a, out)
+                if result is not None:
+                    return result
             quick = self._quick_torque
             if (
                 quick is not None
@@ -788,7 +801,7 @@ class Leg:
                     if self._torque_into(out, q, v, a) is not None:
                         return out
                 else:
-                    single, batch, counter = quick
+                    single, batch, counter, _ = quick
                     before = counter[0]
                     try:
                         result = single(q, v, a) if q.size < _QUICK_SIZE else batch(q, v, a)

@@ -167,7 +167,7 @@ class ClosedFormRoute:
         from leg_dynamics.leg import Quick
 
         kernel = self.kernels.get(name)
-        return Quick(kernel.ufunc, functools.partial(kernel, threads=self.threads), kernel.counter)
+        return Quick(kernel.ufunc, functools.partial(kernel, threads=self.threads), kernel.counter, kernel.row)
 
     def plain(self, formula: Callable[..., Any], *arguments: np.ndarray) -> np.ndarray:
         """Evaluate a formula (leg, components ...) as it stands: a sample on floats, a batch on arrays.

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from leg_dynamics.kernels.instructions import instructions
+from leg_dynamics.kernels.row_call import has_row_call, row_assembly
 from leg_dynamics.kernels.vector_code import VectorCode
 
 if TYPE_CHECKING:
@@ -42,7 +43,8 @@ def assembly(program: Program, target: Target) -> str:
     Returns
     -------
     str
-        A module that exports `ENTRY` (char **args, intptr_t *dimensions, intptr_t *strides, int64_t *failures).
+        A module that exports `ENTRY` (char **args, intptr_t *dimensions, intptr_t *strides, int64_t *failures), and
+        the function of `leg_dynamics.kernels.row_call` where the program has one.
     """
     return _Writer(program, target).module()
 
@@ -73,11 +75,14 @@ class _Writer:
                 features = ",".join(filter(None, (self.target.features, "-vzeroupper")))
                 keep = f'"target-cpu"="{self.target.cpu}" "target-features"="{features}"'
             helper = self.code.library_sines(keep)
+        sides = self.program.inputs, self.program.outputs
+        row_call = row_assembly(ENTRY, *sides) if has_row_call(*sides) else ""
         declarations = "\n".join(sorted(self.code.declarations))
         return (
             f"{declarations}\n{helper}\n"
             f"define void @{ENTRY}(ptr noalias %args, ptr noalias %dimensions, ptr noalias %strides, ptr %failures) "
             "#0 {\n" + "\n".join(body) + "\n}\n"
+            f"{row_call}"
             'attributes #0 = { nounwind "no-trapping-math"="true" }\n'
             '!0 = !{!"branch_weights", i32 1, i32 1048575}\n'
         )

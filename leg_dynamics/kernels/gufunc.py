@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["make_gufunc"]
+__all__ = ["array_interface", "make_gufunc"]
 
 # Position of PyUFunc_FromFuncAndDataAndSignature in NumPy's table of functions, part of its stable C interface.
 _FROM_FUNCTION_AND_SIGNATURE = 31
@@ -17,17 +17,28 @@ _DOUBLE = 12  # NPY_DOUBLE
 _NO_IDENTITY = -1  # PyUFunc_None
 
 
-@functools.cache
-def _constructor() -> Any:
+def _interface(name: str) -> Any:
+    """One of NumPy's tables of functions."""
     import importlib
 
     # NumPy 1 has the same module under its former name
     core = "numpy._core" if hasattr(np, "_core") else "numpy.core"
-    capsule = importlib.import_module(f"{core}._multiarray_umath")._UFUNC_API
+    capsule = getattr(importlib.import_module(f"{core}._multiarray_umath"), name)
     get_pointer = ctypes.pythonapi.PyCapsule_GetPointer
     get_pointer.restype = ctypes.c_void_p
     get_pointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
-    table = ctypes.cast(get_pointer(capsule, None), ctypes.POINTER(ctypes.c_void_p))
+    return ctypes.cast(get_pointer(capsule, None), ctypes.POINTER(ctypes.c_void_p))
+
+
+@functools.cache
+def array_interface() -> Any:
+    """NumPy's table of functions on arrays, addresses by place."""
+    return _interface("_ARRAY_API")
+
+
+@functools.cache
+def _constructor() -> Any:
+    table = _interface("_UFUNC_API")
     prototype = ctypes.PYFUNCTYPE(
         ctypes.py_object,
         ctypes.c_void_p,

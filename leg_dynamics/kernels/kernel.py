@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import ctypes
 import functools
 import importlib
@@ -28,6 +29,9 @@ __all__ = ["Kernel", "compile_program", "kernel", "llvm_is_available"]
 # Below that many rows a second thread costs more than it saves.
 _LEAST_ROWS_A_THREAD = 32768
 
+# What one of several threads computes before it looks for more.
+_ROWS_A_PIECE = 16384
+
 
 class Kernel:
     """A row's computation as a NumPy generalised ufunc.
@@ -42,20 +46,23 @@ class Kernel:
         Core dimensions.
     ufunc : numpy.ufunc or callable
         ``ufunc(*arrays, out=None)`` on one thread.
+    row : builtin function or None
+        ``row(*arrays[, out])`` of one row, faster: None where the kernel has none, see
+        `leg_dynamics.kernels.row_call.row_assembly`.
     counter : memoryview
         ``counter[0]`` is the number of rows that have failed so far, in all threads.
     backend : str
         ``llvm`` or ``casadi``.
     """
 
-    __slots__ = ("_data", "backend", "counter", "inputs", "name", "outputs", "signature", "ufunc")
+    __slots__ = ("_data", "backend", "counter", "inputs", "name", "outputs", "row", "signature", "ufunc")
 
     def __init__(
         self,
         name: str,
         inputs: tuple[Argument, ...],
         outputs: tuple[Argument, ...],
-        make: Callable[[ctypes.c_int64, memoryview], Any],
+        make: Callable[[ctypes.c_int64, memoryview], tuple[Any, Any]],
         backend: str,
     ) -> None:
         self._data = ctypes.c_int64(0)
@@ -64,7 +71,7 @@ class Kernel:
         self.inputs = inputs
         self.outputs = outputs
         self.backend = backend
-        self.ufunc = make(self._data, self.counter)
+        self.ufunc, self.row = make(self._data, self.counter)
         self.signature = signature_of(inputs, outputs)
 
     def __repr__(self) -> str:
@@ -155,29 +162,40 @@ def _in_threads(
     results: tuple[np.ndarray, ...],
     cores: list[int],
     shape: tuple[int, ...],
-    parts: int,
+    threads: int,
 ) -> None:
-    """Split the longest axis; NumPy releases the interpreter inside the loop."""
+    """Split the longest axis; NumPy releases the interpreter inside the loop.
+
+    The pieces are more than the threads, each of which takes the next one when it is free: halves would last as long as
+    the slower of two processors takes.
+    """
     from concurrent.futures import ThreadPoolExecutor
 
-    split = shape.index(max(shape))
-    bounds = [shape[split] * part // parts for part in range(parts + 1)]
+    longest = max(shape)
+    split = shape.index(longest)
+    pieces = min(longest, max(threads, math.prod(shape) // _ROWS_A_PIECE))
+    waiting = collections.deque(range(pieces))
 
     def piece(array: np.ndarray, core: int, rows: slice) -> np.ndarray:
         axis = array.ndim - core - len(shape) + split
-        follows = axis >= 0 and array.shape[axis] == shape[split]
+        follows = axis >= 0 and array.shape[axis] == longest
         return array[(slice(None),) * axis + (rows,)] if follows else array
 
-    def run(part: int) -> None:
-        rows = slice(bounds[part], bounds[part + 1])
-        ufunc(
-            *(piece(array, core, rows) for array, core in zip(arrays, cores, strict=True)),
-            out=tuple(result[(slice(None),) * split + (rows,)] for result in results),
-        )
+    def run() -> None:
+        while waiting:
+            try:
+                part = waiting.popleft()
+            except IndexError:  # another thread took the last one
+                return
+            rows = slice(longest * part // pieces, longest * (part + 1) // pieces)
+            ufunc(
+                *(piece(array, core, rows) for array, core in zip(arrays, cores, strict=True)),
+                out=tuple(result[(slice(None),) * split + (rows,)] for result in results),
+            )
 
-    with ThreadPoolExecutor(parts - 1) as pool:
-        others = [pool.submit(run, part) for part in range(1, parts)]
-        run(0)
+    with ThreadPoolExecutor(threads - 1) as pool:
+        others = [pool.submit(run) for _ in range(threads - 1)]
+        run()
         for other in others:
             other.result()
 
@@ -271,7 +289,7 @@ def _on_virtual_machine(program: Program) -> Kernel:
         program.name,
         program.inputs,
         program.outputs,
-        lambda data, counter: VirtualMachine(program, counter),
+        lambda data, counter: (VirtualMachine(program, counter), None),
         "casadi",
     )
 
@@ -301,10 +319,11 @@ def _compiled(key: str, target: Target, assembled: Callable[[], tuple[Program, s
 
 def _around(name: str, inputs: tuple[Argument, ...], outputs: tuple[Argument, ...], loaded: Any) -> Kernel:
     from leg_dynamics.kernels.gufunc import make_gufunc
+    from leg_dynamics.kernels.row_call import ROW_ENTRY, has_row_call, make_row_call
 
-    def make(data: ctypes.c_int64, counter: memoryview) -> np.ufunc:
+    def make(data: ctypes.c_int64, counter: memoryview) -> tuple[np.ufunc, Any]:
         doc = f"{', '.join(a.name for a in inputs)} -> {', '.join(a.name for a in outputs)}; rows that fail are NaN."
-        return make_gufunc(
+        ufunc = make_gufunc(
             loaded.address,
             ctypes.addressof(data),
             len(inputs),
@@ -314,5 +333,9 @@ def _around(name: str, inputs: tuple[Argument, ...], outputs: tuple[Argument, ..
             doc,
             (loaded, data),
         )
+        row = None
+        if has_row_call(inputs, outputs):
+            row = make_row_call(loaded.address_of(ROW_ENTRY), ctypes.addressof(data), name, (loaded, data))
+        return ufunc, row
 
     return Kernel(name, inputs, outputs, make, "llvm")

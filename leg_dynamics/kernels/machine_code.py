@@ -63,9 +63,13 @@ def compile_object(text: str, target: Target) -> bytes:
 class LoadedCode:
     """Object code in memory; `address` is the kernel's entry, valid as long as this object lives."""
 
-    def __init__(self, engine: Any, address: int) -> None:
+    def __init__(self, engine: Any) -> None:
         self._engine = engine
-        self.address = address
+        self.address = self.address_of(ENTRY)
+
+    def address_of(self, name: str) -> int:
+        """Address of an exported function."""
+        return int(self._engine.get_function_address(name))
 
 
 def load_object(code: bytes, target: Target) -> LoadedCode:
@@ -77,4 +81,4 @@ def load_object(code: bytes, target: Target) -> LoadedCode:
         engine = llvm.create_mcjit_compiler(empty, _target_machine(target))
         engine.add_object_file(llvm.object_file.ObjectFileRef.from_data(code))
         engine.finalize_object()
-        return LoadedCode(engine, engine.get_function_address(ENTRY))
+        return LoadedCode(engine)

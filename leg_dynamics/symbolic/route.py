@@ -62,6 +62,8 @@ class _Compiled(NamedTuple):
     solves: bool
     counter: Any = None
     """Of failed rows, where the kernel counts them."""
+    row: Any = None
+    """For a sample of plain arrays, see `leg_dynamics.kernels.Kernel`."""
 
 
 def _without_force(function: Kernel) -> Kernel:
@@ -213,7 +215,7 @@ class SymbolicRoute:
         # Its bare ufunc spares a single sample the handling of options.
         batch = functools.partial(compiled, threads=self._threads)
         solves = any(argument.name == "z_start" for argument in compiled.inputs)
-        return _Compiled(batch, compiled.ufunc, solves, compiled.counter)
+        return _Compiled(batch, compiled.ufunc, solves, compiled.counter, compiled.row)
 
     # ------------------------------------------------------------------ evaluation
 
@@ -228,12 +230,12 @@ class SymbolicRoute:
             kernel = self._kernel(method)
         except RowError:  # no assembly mode is defined: every row is the fallback's
             return None
-        single, batch = kernel.single, kernel.batch
+        single, batch, row = kernel.single, kernel.batch, kernel.row
         if kernel.solves:
-            single, batch = self._started(single), self._started(batch)
+            single, batch, row = self._started(single), self._started(batch), None
         if method in ("torque", "generalized_force", "acceleration") and not self.has_foot:
-            single, batch = _without_force(single), _without_force(batch)
-        return Quick(single, batch, kernel.counter)
+            single, batch, row = _without_force(single), _without_force(batch), None
+        return Quick(single, batch, kernel.counter, row)
 
     def _started(self, function: Kernel) -> Kernel:
         """The kernel from the home pose, or for one sample from this thread's last pose, without the unknowns."""

@@ -75,8 +75,10 @@ def test_broadcast_inputs_under_threads(lab, waves, threads):
 def test_threads_share_the_rows_along_the_longest_axis(monkeypatch, waves, shape):
     pieces = []
     original = waves.ufunc
+    together = threading.Barrier(4)
 
     def recorded(*arrays, out):
+        together.wait(60.0)
         pieces.append((threading.get_ident(), out[1].shape))
         return original(*arrays, out=out)
 
@@ -84,7 +86,22 @@ def test_threads_share_the_rows_along_the_longest_axis(monkeypatch, waves, shape
     waves(*inputs(shape), threads=4)
     longest = shape.index(64)
     assert [piece[longest] for _, piece in pieces] == [16] * 4
-    assert len({thread for thread, _ in pieces}) > 1
+    assert len({thread for thread, _ in pieces}) == 4
+
+
+def test_large_batches_are_cut_into_more_pieces_than_threads(monkeypatch, waves):
+    pieces = []
+    original = waves.ufunc
+
+    def recorded(*arrays, out):
+        pieces.append(len(out[1]))
+        return original(*arrays, out=out)
+
+    monkeypatch.setattr(waves, "ufunc", recorded)
+    waves(*inputs((100_000,)), threads=2)
+    assert len(pieces) == 6
+    assert sum(pieces) == 100_000
+    assert max(pieces) - min(pieces) <= 1
 
 
 def test_small_batches_stay_on_one_thread(monkeypatch, waves):
