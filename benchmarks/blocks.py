@@ -49,7 +49,7 @@ def single(settings: Settings) -> tuple[Case, ...]:
         Case("symbolic_fixed", "symbolic: leg.torque, q fixed", peers.symbolic_fixed),
         Case(
             "symbolic_trajectory",
-            "symbolic: leg.torque along the trajectory, warm closure",
+            "symbolic: leg.torque along the trajectory",
             lambda w: w.along(w.symbolic.torque),
         ),
         Case(
@@ -59,7 +59,7 @@ def single(settings: Settings) -> tuple[Case, ...]:
         ),
         Case(
             "mechanism_trajectory",
-            "Mechanism along the trajectory: warm closure and torque",
+            "Mechanism along the trajectory: closure from the last pose, and torque",
             peers.mechanism_trajectory,
         ),
         Case(
@@ -269,7 +269,7 @@ def threads(rows: int) -> tuple[Case, ...]:
 def _mechanism(key: str, rows: int) -> tuple[Case, ...]:
     return (
         Case(f"{key}_{YARDSTICK}", "pin.rnea of its open tree", lambda s: s.rnea()),
-        Case(f"{key}_symbolic", "symbolic: one call, warm", lambda s: s.along(s.symbolic), contender="symbolic"),
+        Case(f"{key}_symbolic", "symbolic: one call along a path", lambda s: s.along(s.symbolic), contender="symbolic"),
         Case(
             f"{key}_symbolic_batch",
             f"symbolic: N = {rows:,}, closure included, a row",
@@ -279,7 +279,7 @@ def _mechanism(key: str, rows: int) -> tuple[Case, ...]:
         ),
         Case(
             f"{key}_pinocchio",
-            "pinocchio: one call, warm",
+            "pinocchio: one call along a path",
             lambda s: Work(
                 s.pinocchio.torque,
                 list(zip(*s.path, strict=True)),

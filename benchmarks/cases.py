@@ -164,14 +164,17 @@ def load_symbolic(source: str, **options: Any) -> ld.Leg:
 
 
 def closure_of(leg: ld.Leg) -> str:
-    """How a leg of the symbolic route closes its loops in ``torque``: ``explicit`` formulas, or ``Newton`` steps.
-
-    Where the route finds an explicit solution it iterates nothing: that is another amount of work than a solver's.
-    """
-    try:
-        return "Newton" if leg.backend._kernel("torque").solves else "explicit"  # type: ignore[attr-defined]
-    except AttributeError:
-        return "unknown"
+    """How a leg closes its loops, in words: they are different amounts of work."""
+    if leg.route != "symbolic":
+        return "the numeric route"
+    model = leg.backend.model  # type: ignore[attr-defined]
+    if not model.nz:
+        return "no loop left to close"
+    if not model.iterates:
+        return "explicit formulas"
+    if model.walks:
+        return "Newton's method along a walk from the home pose"
+    return "Newton's method from the last pose or home"
 
 
 class Workload:

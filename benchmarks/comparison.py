@@ -1,9 +1,12 @@
-"""Two runs side by side, by their ratios to the yardstick: the machine's own speed cancels."""
+"""Two runs side by side, by their ratios to the yardstick: the machine's own speed cancels, but for its moods.
+
+Peers and the limit are not this project's code: how far they moved between the runs is how far a ratio moves by itself.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +20,10 @@ class ComparisonError(ValueError):
 
 @dataclass(frozen=True)
 class Change:
-    """One case in both runs; `beyond` where the spreads do not meet; not `judged` where a run has too few rounds."""
+    """One case in both runs; not `judged` where a run has too few rounds.
+
+    It is `beyond` where the spreads do not meet and the factor is larger than what nine of ten `control` cases moved.
+    """
 
     key: str
     title: str
@@ -26,6 +32,8 @@ class Change:
     before: Spread
     after: Spread
     judged: bool = True
+    control: bool = False
+    drift: float = 1.0
 
     @property
     def factor(self) -> float:
@@ -34,14 +42,22 @@ class Change:
 
     @property
     def beyond(self) -> bool:
-        return self.judged and (self.after[0] > self.before[2] or self.after[2] < self.before[0])
+        apart = self.after[0] > self.before[2] or self.after[2] < self.before[0]
+        return self.judged and not self.control and apart and self.moved > self.drift
+
+    @property
+    def moved(self) -> float:
+        """The factor, or its inverse where that is larger."""
+        return max(self.factor, 1.0 / self.factor)
 
     @property
     def words(self) -> str:
         if not self.judged:
             return "too few rounds"
+        if self.control:
+            return "control"
         if not self.beyond:
-            return "within the spread"
+            return "within the spread" if self.moved > self.drift else "within the controls' drift"
         return f"{self.factor - 1.0:.0%} slower" if self.factor > 1.0 else f"{1.0 - self.factor:.0%} faster"
 
     def to_dict(self) -> dict[str, Any]:
@@ -54,12 +70,23 @@ class Change:
             "after": list(self.after),
             "factor": self.factor,
             "judged": self.judged,
+            "control": self.control,
+            "drift": self.drift,
             "beyond": self.beyond,
         }
 
 
 FEWEST, FEW = 3, 8
 """Rounds below which nothing is judged, and below which quartiles say too little and the whole range is taken."""
+
+CONTROLS = 5
+"""Control cases below which they say nothing."""
+
+
+def _drift(changes: tuple[Change, ...]) -> float:
+    """Factor that nine of ten controls stay within."""
+    moved = [change.moved for change in changes if change.control and change.judged]
+    return float(np.quantile(moved, 0.9)) if len(moved) >= CONTROLS else 1.0
 
 
 def _spread(samples: Any) -> Spread:
@@ -100,7 +127,7 @@ def compare(after: Mapping[str, Any], before: Any, schema: str) -> tuple[Change,
         old, new = _ratios(before), _ratios(after)
     except (KeyError, TypeError, ValueError) as problem:
         raise ComparisonError(f"a damaged report: {type(problem).__name__} {problem}") from problem
-    return tuple(
+    changes = tuple(
         Change(
             key,
             result["title"],
@@ -109,7 +136,10 @@ def compare(after: Mapping[str, Any], before: Any, schema: str) -> tuple[Change,
             old[key][1],
             spread,
             min(len(result["ratios"]), len(old[key][0]["ratios"])) >= FEWEST,
+            bool(result.get("peer", False)),
         )
         for key, (result, spread) in new.items()
         if key in old
     )
+    drift = _drift(changes)
+    return tuple(replace(change, drift=drift) for change in changes)

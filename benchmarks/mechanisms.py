@@ -223,7 +223,7 @@ class Subject:
         return Work(pin.rnea, arguments, self.expected("states")[: len(arguments)], period=1, answer=answer)
 
     def along(self, leg: ld.Leg) -> Work:
-        """One call a state, warm: each is near the one before."""
+        """One call a state, each near the one before."""
         arguments = list(zip(*self.path, strict=True))
         return Work(leg.torque, arguments, self.expected("path"), period=len(arguments), note=symbolic_note(leg))
 
@@ -236,4 +236,4 @@ class Subject:
 
 def symbolic_note(leg: ld.Leg) -> str:
     """What the symbolic route does about the loops, in words."""
-    return f"loops closed by {closure_of(leg)}{' formulas' if closure_of(leg) == 'explicit' else ''}"
+    return f"loops closed by {closure_of(leg)}"

@@ -23,7 +23,7 @@ table { border-collapse: collapse; font-size: .87rem; margin: .4rem 0; }
 th, td { padding: .25rem .55rem; border-bottom: 1px solid #edf0f4; text-align: right;
   font-variant-numeric: tabular-nums; white-space: nowrap; }
 th { background: #f5f7fa; font-weight: 600; vertical-align: bottom; white-space: normal; }
-.text { text-align: left; white-space: normal; min-width: 13rem; }
+.text { text-align: left; white-space: normal; min-width: min(13rem, 30vw); }
 .facts th { text-align: left; background: none; white-space: nowrap; }
 .facts td { text-align: left; white-space: normal; }
 td small { display: block; font-weight: 400; font-size: .82em; color: #667085; }
@@ -53,7 +53,8 @@ def render(report: Report) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(report.title)}</title><style>{_STYLE}</style></head><body>"
         f"<h1>{escape(report.title)}</h1>"
-        f'<table class="facts">{facts}</table>{_summary(report)}<nav>{links}</nav>{body}</body></html>\n'
+        f'<div class="wide"><table class="facts">{facts}</table></div>{_summary(report)}'
+        f"<nav>{links}</nav>{body}</body></html>\n"
     )
 
 

@@ -281,14 +281,18 @@ class Report:
                 else:
                     cells.append(f"{_median(result.per_row)} ({_range(result.per_row)})")
             largest = own[max(own)]
-            cells += [_median(largest.limit_ratio), _median(largest.ratio)]
+            place = "" if max(own) == sizes[-1] else f" (N = {max(own):,})"
+            cells += [f"{cell}{place}" if cell else "" for cell in map(_median, (largest.limit_ratio, largest.ratio))]
             errors = [result.error for result in own.values() if result.error is not None]
             cells.append(f"{max(errors):.0e}" if errors else "")
             lines.append(Line(tuple(cells), _tone(largest)))
         header = ("ns a row: median (quartiles)", *(f"N = {rows:,}" for rows in sizes))
         header += ("× limit, largest N", "× rnea, largest N", "error")
-        remark = "What goes row by row in Python is measured on small batches only."
-        return Section("batch", "Inverse dynamics, batches", header, tuple(lines), (remark,), ("batch", "limit"))
+        remarks = (
+            "What goes row by row in Python is measured on small batches only; its ratios are at its own largest N.",
+            "A batch of one is the same row every time: a route that starts from its last pose has nothing to close.",
+        )
+        return Section("batch", "Inverse dynamics, batches", header, tuple(lines), remarks, ("batch", "limit"))
 
     def _methods(self) -> Section | None:
         mine = [result for result in self.of("methods") if not result.key.endswith(YARDSTICK)]
@@ -333,9 +337,8 @@ class Report:
         remarks = (
             "The four-bar and six-bar files name no configuration, and zero is singular or open there: a home pose is "
             "added to their text.",
-            "The four-bar file is a parallelogram: its passive angles are plus or minus the crank's, and a code that "
-            "notices has no loop left to solve. The chain of one loop below is a four-bar without that gift.",
-            "The platform is generated here: a planar 3-RRR, which no formula closes.",
+            "The four-bar file is a parallelogram. The chain of one loop below is a four-bar of four lengths.",
+            "The platform is generated here: a planar 3-RRR.",
             self._closure_remark(),
         )
         title = "Other mechanisms"
@@ -352,9 +355,9 @@ class Report:
                     ways[result.note].append(name)
         said = "; ".join(f"{note}: {', '.join(names)}" for note, names in ways.items())
         return (
-            f"Symbolic route, {said or 'not measured'}. Explicit formulas iterate nothing and follow one assembly "
-            "mode; a time with them does not measure a Newton closure, which the naive way has and GRBDA leaves to its "
-            "caller."
+            f"Symbolic route, {said or 'not measured'}. Explicit formulas iterate nothing; a walk begins at the home "
+            "pose in every call, so that a pose near the last one gains nothing. The naive way closes by Newton's "
+            "method from the last pose, and GRBDA leaves the closure to its caller."
         )
 
     def _chains(self) -> Section | None:
@@ -427,10 +430,13 @@ class Report:
         then = self.compared_with
         commit = (then.get("commit") or {}).get("name", "unknown commit")
         flagged = sum(change.beyond for change in self.changes)
+        controls = sum(change.control for change in self.changes)
+        drift = self.changes[0].drift if self.changes else 1.0
         remarks = [
             f"Earlier run: {then.get('date', 'unknown date')}, {then.get('cpu', 'unknown processor')}, {commit}.",
-            f"{flagged} of {len(lines)} ratios changed beyond the spread: their quartile ranges (with fewer than "
-            f"{comparison.FEW} rounds their whole ranges) do not meet.",
+            f"{flagged} of {len(lines) - controls} ratios changed: their quartile ranges (with fewer than "
+            f"{comparison.FEW} rounds their whole ranges) do not meet, and they moved by more than nine of ten of the "
+            f"{controls} controls, which are not this project's code: {drift:.2f} ×.",
         ]
         if then.get("cpu") != self.environment.get("cpu"):
             remarks.append("The processors differ: ratios between kinds of work need not carry over.")

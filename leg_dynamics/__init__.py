@@ -29,12 +29,14 @@ _HOMES = {
 
 def __getattr__(name: str) -> Any:
     """Import public names on first use, so that `import leg_dynamics` stays light."""
-    if name in _HOMES:
-        import importlib
+    import importlib
 
+    if name == "errors":
+        return importlib.import_module("leg_dynamics.errors")
+    if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOMES})
+    return sorted({*globals(), *_HOMES, "errors"})

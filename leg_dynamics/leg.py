@@ -6,7 +6,7 @@ named error or, on request, into NaN rows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
@@ -28,6 +28,7 @@ from leg_dynamics.errors import (
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description, Parameter
+    from leg_dynamics.kernels import Kernel
 
 __all__ = [
     "AccelerationDerivatives",
@@ -269,6 +270,15 @@ def checked(name: str, value: ArrayLike, size: int) -> np.ndarray:
 _QUICK_SIZE = 32768
 _FLOAT = np.dtype(np.float64)
 _ARRAY = np.ndarray
+# What not every route has; derivatives and numbers are the others.
+_ROUTES_WITH = {
+    "base_parameters": "closed_form",
+    "kernel": "closed_form",
+    "loop_forces": "pinocchio",
+    "mobility_report": "pinocchio",
+    "regressor": "closed_form",
+}
+
 _NO_FORCE = np.zeros(3)
 _NO_FORCE.setflags(write=False)
 
@@ -485,6 +495,9 @@ class Leg:
             return None
         leading = q.shape[:-1]
         if v.shape[:-1] != leading or a.shape[:-1] != leading or out.shape != (*leading, self._m):
+            return None
+        # A row that then needs the careful way must find its arguments as they were.
+        if any(np.may_share_memory(out, array) for array in (q, v, a)):
             return None
         before = quick.counter[0]
         try:
@@ -1085,6 +1098,8 @@ class Leg:
             raise ParameterError(
                 f"parameters is a sequence of names, got the text {parameters!r}: write ({parameters!r},)"
             )
+        if not isinstance(parameters, Iterable):
+            raise ParameterError(f"parameters is a sequence of names, got {parameters!r}: leave it out for none")
         numbers, chain = self._recipe.number_derivatives(tuple(parameters), self._route)
         sizes = [self._m if name == "tau" else self._n for name in names]
         given = dict(zip(names, zip(arguments, sizes, strict=True), strict=True))
@@ -1136,7 +1151,9 @@ class Leg:
         Returns
         -------
         (..., m, k) array
-            Of full column rank k over random states.
+            Of full column rank k over random states in gravity of random directions. In one direction of gravity alone
+            the columns of moments that it never turns are zero: those of ``input_x`` and ``input_y`` for the OmniLeg
+            hanging straight.
         """
         function = self._only("regressor")
         call = self._arguments(on_error, q=(q, self._n), v=(v, self._n), a=(a, self._n), gravity=(gravity, 3))
@@ -1144,14 +1161,39 @@ class Leg:
 
     # ------------------------------------------------------------------ what only some routes offer
 
+    def kernel(self, name: str, vary: Sequence[str] = ()) -> Kernel:
+        """Compiled formula whose numbers can be arrays, for design sweeps (route closed_form).
+
+        Parameters
+        ----------
+        name : str
+            ``foot_position``, ``foot_jacobian``, ``mass_matrix``, ``bias``, ``torque``, ``loaded_torque``,
+            ``acceleration``, ``inverse_kinematics`` ...; the error for another name lists them all.
+        vary : sequence of str, optional
+            Names out of `numbers`: they become a last input of shape (..., len(vary)) instead of constants. Changed
+            geometry is not checked against anything but the domain of the formula.
+
+        Returns
+        -------
+        Kernel
+            ``kernel(*arrays, out=None, threads=None)``, its inputs named by ``inputs``; leading dimensions broadcast,
+            and rows that cannot be computed are NaN.
+
+        Raises
+        ------
+        ParameterError
+            There is no formula of that name, or no such number.
+        """
+        made: Kernel = self._only("kernel")(name, tuple(vary))
+        return made
+
     def _only(self, method: str) -> Any:
         try:
             return getattr(self._route, method)
         except AttributeError:
+            routes = _ROUTES_WITH.get(method, "closed_form or symbolic")
             raise UnsupportedError(
-                f"route {self.route!r} has no {method}: load the leg by another route "
-                "(closed_form, pinocchio or symbolic)",
-                route=self.route,
+                f"route {self.route!r} has no {method}: load the leg by route {routes}", route=self.route
             ) from None
 
     def mobility_report(self, samples: int = 20, seed: int = 0) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import operator
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -245,6 +246,16 @@ def _design_derivative(recipe: Recipe, name: str) -> Mapping[str, float]:
     return derivatives
 
 
+def _thread_count(threads: Any) -> int:
+    try:
+        count = 0 if isinstance(threads, bool) else operator.index(threads)
+    except TypeError:
+        count = 0
+    if count < 1:
+        raise ParameterError(f"threads must be a whole number, at least 1, got {threads!r}", parameter="threads")
+    return count
+
+
 def load(
     source: str | os.PathLike[str],
     route: str | None = None,
@@ -313,8 +324,7 @@ def load(
     formulas = named if named is not None and has_closed_form(named) else None
     if route is None:
         route = "closed_form" if formulas is not None else "pinocchio"
-    if threads is not None and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
-        raise ParameterError(f"threads must be a whole number, at least 1, got {threads!r}", parameter="threads")
+    threads = None if threads is None else _thread_count(threads)
     given = tuple(overrides.items())
     return Recipe(description, route, formulas, _foot(description, foot), origin, given, transmission, threads).build()
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import leg_dynamics as ld
-from leg_dynamics.errors import NonFiniteError, ParameterError, ShapeError, UnsupportedError
+from leg_dynamics.errors import AssemblyError, NonFiniteError, ParameterError, ShapeError, UnsupportedError
 from leg_dynamics.verification.perturbation import with_random_inertia
 
 GRAVITY = np.array([1.5, -2.0, 9.0])
@@ -227,3 +227,22 @@ def test_threads_do_not_change_a_bit(route):
     q, v, a = generator.uniform(-0.8, 0.8, (3, 100_001, 3))
     one, two = (ld.load("omnileg", route, threads=threads).torque(q, v, a) for threads in (1, 2))
     np.testing.assert_array_equal(one, two)
+
+
+def test_threads_may_be_a_numpy_integer():
+    assert ld.load("omnileg", threads=np.int64(2)).torque([0.1] * 3, [0.0] * 3, [0.0] * 3).shape == (3,)
+
+
+@pytest.mark.parametrize("parameters", [None, 5, "L1"])
+def test_parameters_is_a_sequence_of_names(parameters):
+    leg = ld.load("omnileg")
+    with pytest.raises(ParameterError, match="parameters is a sequence of names, got"):
+        leg.torque_derivatives([0.1] * 3, [0.0] * 3, [0.0] * 3, parameters=parameters)
+
+
+def test_rows_without_derivatives_say_that_values_exist():
+    leg = ld.load("omnileg", "symbolic")
+    q, zero = np.array([1.52501462, 1.53970395, 0.07662781]), np.zeros(3)
+    assert np.isfinite(leg.torque(q, zero, zero)).all()
+    with pytest.raises(AssemblyError, match="the values may exist by route='pinocchio'"):
+        leg.torque_derivatives(q, zero, zero)

@@ -20,6 +20,7 @@ from leg_dynamics.errors import (
     MissingFootError,
     NonFiniteError,
     OutOfReachError,
+    ParameterError,
     RouteError,
     ShapeError,
     SingularityError,
@@ -538,6 +539,27 @@ def test_out_may_be_an_argument(leg):
     np.testing.assert_array_equal(q, expected)
 
 
+@pytest.mark.parametrize("route", ["closed_form", "symbolic"])
+def test_out_over_an_argument_does_not_hide_which_one_is_wrong(route):
+    leg = ld.load("omnileg", route)
+    good = np.array([0.3, 0.2, 0.4])
+    leg.torque(good, good, good)
+    for q, v in ((good.copy(), np.array([0.1, np.nan, 0.2])), (np.tile(good, (5, 1)), np.full((5, 3), np.nan))):
+        with pytest.raises(NonFiniteError, match=r"v = \["):
+            leg.torque(q, v, v, out=q)
+
+
+def test_out_over_an_argument_of_rows_that_take_the_fallback():
+    """A pose far out is left to the numeric route, which must find its arguments as they were given."""
+    leg = ld.load("omnileg", "symbolic")
+    memory = np.array([[0.3, 0.2, 0.4], [1.52501462, 1.53970395, 0.07662781], [0.0, 0.0, 0.0]])
+    zero = np.zeros((2, 3))
+    expected = leg.torque(memory[:2], zero, zero)
+    np.testing.assert_array_equal(leg.torque(memory[:2].copy(), zero, zero), expected)
+    leg.torque(memory[:-1], zero, zero, out=memory[1:])
+    np.testing.assert_array_equal(memory[1:], expected)
+
+
 def test_out_that_does_not_fit(leg):
     frozen = np.zeros(3)
     frozen.setflags(write=False)
@@ -740,10 +762,27 @@ def test_everything_else_works_without_a_foot(footless):
     assert footless.kinetic_energy(q, v).shape == (3,)
 
 
+def test_kernels_take_numbers_as_arrays():
+    leg = ld.load("omnileg")
+    kernel = leg.kernel("torque", vary=("L1", "foot.mass"))
+    q, v, a = box(7), V, A
+    nominal = np.array([leg.numbers["L1"], leg.numbers["foot.mass"]])
+    np.testing.assert_allclose(kernel(q, v, a, nominal), leg.torque(q, v, a), rtol=1e-13, atol=1e-14)
+    changed = kernel(q[:, None], v, a, nominal * [[1.0, 1.0], [1.1, 1.0], [1.0, 2.0]])
+    assert changed.shape == (7, 3, 3)
+    assert np.abs(changed[:, 1:] - changed[:, :1]).max(axis=(0, 2)).min() > 1e-3
+    with pytest.raises(ParameterError, match=r"no formula 'torqe'.*choose one of acceleration, bias"):
+        leg.kernel("torqe")
+    with pytest.raises(ParameterError, match="'L99'"):
+        leg.kernel("torque", vary=("L99",))
+    with pytest.raises(UnsupportedError, match="has no kernel: load the leg by route closed_form"):
+        ld.load("omnileg", "pinocchio").kernel("torque")
+
+
 def test_what_only_the_numeric_route_offers():
     closed, numeric = ld.load("omnileg"), ld.load("omnileg", "pinocchio")
     for call in (closed.mobility_report, lambda: closed.loop_forces(Q, V, A)):
-        with pytest.raises(UnsupportedError, match="by another route"):
+        with pytest.raises(UnsupportedError, match="by route pinocchio"):
             call()
     report = numeric.mobility_report(samples=3)
     assert (report.mobility, report.redundant) == (3, 9)

@@ -8,6 +8,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from leg_dynamics.closed_form.numbers import named_numbers, with_numbers
+from leg_dynamics.errors import ParameterError
 from leg_dynamics.kernels import Argument, Kernel, Program, kernel
 from leg_dynamics.kernels.cache import key_of
 
@@ -142,13 +143,17 @@ class FormulaKernels:
         Raises
         ------
         ParameterError
-            `vary` has an unknown name.
+            There is no formula `name`, or `vary` has an unknown name.
         """
         if name == "inverse_kinematics":
             return self._inverse_kinematics(branch, vary)
         if name in DERIVATIVES:
             return self._derivatives(name, vary)
-        formula = FORMULAS[name]
+        formula = FORMULAS.get(name)
+        if formula is None or not self._is_there(name):
+            known = sorted(known for known in FORMULAS if self._is_there(known))
+            listing = ", ".join([*known, *sorted(DERIVATIVES), "inverse_kinematics"])
+            raise ParameterError(f"there is no formula {name!r} of this leg: choose one of {listing}", parameter=name)
 
         def traced(leg: Any, symbols: Sequence[Any]) -> tuple[Any, list[Any]]:
             values = [
@@ -161,6 +166,10 @@ class FormulaKernels:
             return result, self._margins(leg, symbols[0])
 
         return self._trace(name, formula.inputs, traced, vary)
+
+    def _is_there(self, name: str) -> bool:
+        """Whether the leg's module has the formula; only the regressor may be missing."""
+        return name != "regressor" or hasattr(self.module, name)
 
     def _by_coordinate(self, efforts: Sequence[Any]) -> tuple[Any, ...]:
         return tuple(efforts[self.actuated.index(coordinate)] for coordinate in range(len(efforts)))

@@ -24,7 +24,7 @@ __all__ = ["FOLDER_VARIABLE", "cache_folder", "clear", "key_of", "read", "source
 FOLDER_VARIABLE = "LEG_DYNAMICS_CACHE"
 """Environment variable that names another folder; an empty value switches the cache off."""
 
-_MAGIC = b"leg_dynamics 1\n"
+_MAGIC = b"leg_dynamics 2\n"
 _DIGEST = hashlib.sha256().digest_size
 # Beyond that size the entries that were not used for longest go.
 _LARGEST_FOLDER = 256 * 2**20
@@ -83,6 +83,11 @@ def source_fingerprint(package: str) -> str:
     return key_of(*(part for path in files for part in (path.name, path.read_bytes())))
 
 
+def _seal(key: str, payload: bytes) -> bytes:
+    """Digest of an entry; an intact one under another's name is as good as damaged."""
+    return hashlib.sha256(key.encode() + payload).digest()
+
+
 def read(key: str) -> bytes | None:
     """Content of an entry; None where there is none, or where it is damaged."""
     folder = cache_folder()
@@ -97,7 +102,7 @@ def read(key: str) -> bytes | None:
         return None
     start = len(_MAGIC) + _DIGEST
     payload = data[start:]
-    if not data.startswith(_MAGIC) or hashlib.sha256(payload).digest() != data[len(_MAGIC) : start]:
+    if not data.startswith(_MAGIC) or _seal(key, payload) != data[len(_MAGIC) : start]:
         with contextlib.suppress(OSError):
             path.unlink()
         return None
@@ -118,7 +123,7 @@ def write(key: str, payload: bytes) -> bool:
             return False
         descriptor, temporary = tempfile.mkstemp(dir=folder, prefix=_TEMPORARY)
         with os.fdopen(descriptor, "wb") as file:
-            file.write(_MAGIC + hashlib.sha256(payload).digest() + payload)
+            file.write(_MAGIC + _seal(key, payload) + payload)
         os.replace(temporary, folder / key)
     except OSError:
         if temporary is not None:

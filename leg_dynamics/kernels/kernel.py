@@ -29,6 +29,9 @@ __all__ = ["Kernel", "compile_program", "kernel", "llvm_is_available"]
 # Below that many rows a second thread costs more than it saves.
 _LEAST_ROWS_A_THREAD = 32768
 
+# More only wait for each other.
+_MOST_THREADS = 256
+
 # What one of several threads computes before it looks for more.
 _ROWS_A_PIECE = 16384
 
@@ -116,7 +119,7 @@ class Kernel:
             *(array.shape[: array.ndim - core] for array, core in zip(given, cores, strict=True))
         )
         longest = max(shape, default=0)
-        parts = min(longest, threads or min(_processors(), math.prod(shape) // _LEAST_ROWS_A_THREAD))
+        parts = min(longest, _MOST_THREADS, threads or min(_processors(), math.prod(shape) // _LEAST_ROWS_A_THREAD))
         if parts <= 1:
             return None
         shapes = [shape + argument.shape for argument in self.outputs]

@@ -41,6 +41,32 @@ def test_an_outlier_counts_where_there_are_few_rounds(count, beyond):
     assert change.beyond is beyond
 
 
+def with_controls(run, moved):
+    """Peers of which each is `moved` times as slow."""
+    run["results"] += [
+        {"key": f"p{k}", "title": "p", "block": "b", "status": "ok", "peer": True, "ratios": [m * x for x in (1, 2, 3)]}
+        for k, m in enumerate(moved)
+    ]
+    return run
+
+
+@pytest.mark.parametrize(("factor", "beyond"), [(1.5, False), (1 / 1.5, False), (2.5, True), (0.4, True)])
+def test_what_controls_move_by_is_no_change(factor, beyond):
+    before = with_controls(run_of({"a": (1.0, 1.01, 1.02)}), [1.0] * 10)
+    after = with_controls(run_of({"a": [factor * x for x in (1.0, 1.01, 1.02)]}), [1.0] * 7 + [0.5] * 3)
+    (own, *controls) = compare(after, before, "s")
+    assert own.drift == pytest.approx(2.0)
+    assert own.beyond is beyond
+    assert own.words.endswith(("slower", "faster") if beyond else "drift")
+    assert [(change.beyond, change.words) for change in controls] == [(False, "control")] * 10
+
+
+def test_a_few_controls_say_nothing():
+    before = with_controls(run_of({"a": (1.0, 1.01, 1.02)}), [1.0] * 4)
+    after = with_controls(run_of({"a": (1.5, 1.51, 1.52)}), [9.0] * 4)
+    assert compare(after, before, "s")[0].beyond
+
+
 def test_only_what_both_have_is_compared():
     before = run_of({"pin_rnea": (1.0,), "old": (1.0,), "both": (1.0,), "untimed": ()})
     before["results"].append({"key": "wrong", "title": "", "block": "", "status": "wrong", "ratios": [1.0]})

@@ -64,6 +64,15 @@ def test_a_truncated_entry_is_seen(folder, length):
     assert cache.read(KEYS[0]) == b"new"
 
 
+def test_an_intact_entry_under_the_name_of_another_is_seen(folder):
+    for key in KEYS[:2]:
+        cache.write(key, key.encode())
+    (folder / KEYS[0]).replace(folder / KEYS[2])
+    (folder / KEYS[1]).replace(folder / KEYS[0])
+    assert cache.read(KEYS[0]) is None
+    assert cache.read(KEYS[2]) is None
+
+
 def test_an_empty_entry_does_not_stay(folder):
     cache.write(KEYS[0], b"payload")
     (folder / KEYS[0]).write_bytes(b"")
