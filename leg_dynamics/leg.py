@@ -27,8 +27,7 @@ from leg_dynamics.errors import (
 )
 
 if TYPE_CHECKING:
-    from leg_dynamics.description.model import Description, Parameter
-    from leg_dynamics.kernels import Kernel
+    from leg_dynamics.description.model import Description, Joint, Parameter
 
 __all__ = [
     "AccelerationDerivatives",
@@ -47,6 +46,9 @@ OnError = Literal["raise", "nan"]
 
 # IK may return a joint at its limit, off by the rounding of its inverse.
 LIMIT_TOLERANCE = 1e-9
+
+# A foot that is so near (relative to 1 m) is where it was asked for.
+_SAME_PLACE = 1e-6
 
 # Arguments that may be None: no force, the file's gravity.
 OPTIONAL = ("foot_force", "gravity")
@@ -593,7 +595,8 @@ class Leg:
         branch : str, optional
             One of `branches`; the first where None.
         limits : {"error", "ignore"}
-            Whether a solution outside the joint limits is an error.
+            Whether a solution outside the joint limits is an error. The limits of passive joints count too, but for
+            branches that belong to another assembly mode than the one that the leg's other methods follow.
 
         Returns
         -------
@@ -620,31 +623,58 @@ class Leg:
         def solve(p: np.ndarray, failures: RowFailures) -> np.ndarray:
             q = self._route.inverse_kinematics(p, chosen, failures)
             if limits == "error":
-                self._check_limits(q, failures)
+                rows = np.atleast_2d(q)
+                joints = [self._description.joint(name) for name in self.joint_names]
+                self._check_limits(rows, rows, joints, failures)
+                self._check_passive_limits(rows, np.atleast_2d(p), failures)
             return q
 
         return call.run(solve, (self._n,), "p")
 
-    def _check_limits(self, q: np.ndarray, failures: RowFailures) -> None:
-        rows = np.atleast_2d(q)
-        margin = np.minimum(rows - self._limits.lower, self._limits.upper - rows)
+    def _check_passive_limits(self, q: np.ndarray, p: np.ndarray, failures: RowFailures) -> None:
+        places = [
+            (place, joint)
+            for place, joint in enumerate(map(self._description.joint, self._route.tree_joint_names))
+            if joint.name not in self.joint_names and np.isfinite([joint.limits.lower, joint.limits.upper]).any()
+        ]
+        known = np.flatnonzero(np.isfinite(q).all(axis=1))
+        if places and known.size:
+            # The route's own mode: where its foot is elsewhere, nothing is known of the passive joints.
+            away = np.abs(self._route.foot_position(q[known], RowFailures()) - p[known]).max(axis=1)
+            known = known[away < _SAME_PLACE * (1.0 + np.abs(p[known]).max(axis=1))]
+        if not places or not known.size:
+            return
+        values = np.full((len(q), len(places)), np.nan)
+        found = self._route.tree_coordinates(q[known], RowFailures())
+        values[known] = found[:, [place for place, _ in places]]
+        for column, (_, joint) in enumerate(places):
+            if joint.unit == "rad":  # whole turns are no other pose
+                middle = (joint.limits.lower + joint.limits.upper) / 2
+                if np.isfinite(middle):
+                    values[:, column] = middle + (values[:, column] - middle + np.pi) % (2 * np.pi) - np.pi
+        self._check_limits(q, values, [joint for _, joint in places], failures)
+
+    @staticmethod
+    def _check_limits(q: np.ndarray, values: np.ndarray, joints: Sequence[Joint], failures: RowFailures) -> None:
+        """Report rows whose values leave the limits of their joints, and make them NaN in q."""
+        limits = np.array([(joint.limits.lower, joint.limits.upper) for joint in joints]).T
+        margin = np.minimum(values - limits[0], limits[1] - values)
         outside = np.flatnonzero((margin < -LIMIT_TOLERANCE).any(axis=1))
         if outside.size == 0:
             return
-        worst = np.nanargmin(margin[outside[0]])
-        name = self.joint_names[worst]
-        value, lower, upper = rows[outside[0], worst], self._limits.lower[worst], self._limits.upper[worst]
+        worst = int(np.nanargmin(margin[outside[0]]))
+        name, value, unit = joints[worst].name, values[outside[0], worst], joints[worst].unit
         failures.add(
             outside,
             JointLimitError(
-                f"{name} = {value:.6g} {self._units.joints[worst]} is outside [{lower:.6g}, {upper:.6g}] by "
-                f"{-margin[outside[0], worst]:.3g}; choose another foot position or branch, or pass limits='ignore'",
+                f"{name} = {value:.6g} {unit} is outside [{limits[0, worst]:.6g}, {limits[1, worst]:.6g}] "
+                f"by {-margin[outside[0], worst]:.3g}; choose another foot position or branch, or pass limits='ignore'",
                 rows=outside,
                 margin=np.nanmin(margin[outside], axis=1),
                 joint=name,
             ),
         )
-        rows[outside] = np.nan
+        q[outside] = np.nan
 
     def jacobian(self, q: ArrayLike, *, on_error: OnError = "raise") -> np.ndarray:
         """Foot Jacobian J, foot velocity = J v.
@@ -1161,7 +1191,7 @@ class Leg:
 
     # ------------------------------------------------------------------ what only some routes offer
 
-    def kernel(self, name: str, vary: Sequence[str] = ()) -> Kernel:
+    def kernel(self, name: str, vary: Sequence[str] = ()) -> Callable[..., np.ndarray]:
         """Compiled formula whose numbers can be arrays, for design sweeps (route closed_form).
 
         Parameters
@@ -1175,7 +1205,7 @@ class Leg:
 
         Returns
         -------
-        Kernel
+        leg_dynamics.kernels.Kernel
             ``kernel(*arrays, out=None, threads=None)``, its inputs named by ``inputs``; leading dimensions broadcast,
             and rows that cannot be computed are NaN.
 
@@ -1184,7 +1214,7 @@ class Leg:
         ParameterError
             There is no formula of that name, or no such number.
         """
-        made: Kernel = self._only("kernel")(name, tuple(vary))
+        made: Callable[..., np.ndarray] = self._only("kernel")(name, tuple(vary))
         return made
 
     def _only(self, method: str) -> Any:

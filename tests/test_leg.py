@@ -680,6 +680,23 @@ def test_joint_limits(leg):
     assert np.isfinite(leg.torque(q, V, A)).all()
 
 
+@pytest.mark.parametrize("route", ["closed_form", "pinocchio", "symbolic"])
+def test_limits_of_passive_joints(route):
+    """70 degrees to the side: the struts reach, the universal joints (60 degrees) do not."""
+    leg = ld.load("hexapod_leg", route)
+    angle = np.radians(70.0)
+    p = np.array([0.0, -0.7 * np.sin(angle), 0.7 * np.cos(angle)])
+    q = leg.inverse_kinematics(p, limits="ignore")
+    assert (q > leg.limits.lower).all()
+    assert (q < leg.limits.upper).all()
+    with pytest.raises(JointLimitError, match=r"alpha3 = 1\.24\d+ rad is outside \[-1\.0472, 1\.0472\]") as caught:
+        leg.inverse_kinematics(p)
+    assert caught.value.margin == pytest.approx(np.pi / 3 - abs(leg.assemble(q)["alpha3"]), abs=1e-6)
+    rows = leg.inverse_kinematics([p, [0.25, 0.2, 0.65]], on_error="nan")
+    assert np.isnan(rows[0]).all()
+    assert np.isfinite(rows[1]).all()
+
+
 def test_two_kinds_of_failure_in_one_batch(leg):
     p = np.stack([compact_foot(np.radians([70.0, 0.0, 30.0])), [0.0, 0.0, 0.6]])
     with pytest.raises(JointLimitError, match="2 of 2 rows failed") as caught:
