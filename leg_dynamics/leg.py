@@ -297,6 +297,7 @@ class Leg:
 
     __slots__ = (
         "_actuator_names",
+        "_base_count",
         "_description",
         "_foot",
         "_gravity",
@@ -321,6 +322,7 @@ class Leg:
     _actuator_names: tuple[str, ...]
     _units: Units
     _gravity: np.ndarray
+    _base_count: int | None
     _quick: dict[str, Quick]
     _quick_torque: Quick | None
     _torque_row: Callable[..., np.ndarray | None] | None
@@ -346,6 +348,7 @@ class Leg:
             "_actuator_names": tuple(actuators.get(name, name) for name in route.actuator_joints),
             "_units": Units(tuple(joint.unit for joint in joints), efforts),
             "_gravity": gravity,
+            "_base_count": None,
             "_quick": {},
             "_quick_torque": None,
             "_torque_row": None,
@@ -1187,7 +1190,11 @@ class Leg:
         """
         function = self._only("regressor")
         call = self._arguments(on_error, q=(q, self._n), v=(v, self._n), a=(a, self._n), gravity=(gravity, 3))
-        return call.run(function, (self._m, len(self.base_parameters)), "q", "v", "a", "gravity")
+        count = self._base_count
+        if count is None:
+            count = len(self._only("base_parameters"))
+            object.__setattr__(self, "_base_count", count)
+        return call.run(function, (self._m, count), "q", "v", "a", "gravity")
 
     # ------------------------------------------------------------------ what only some routes offer
 
