@@ -35,8 +35,8 @@ bench: setup
 
 render: setup
 	@mkdir -p urdf
-	@for source in xacro/*.urdf.xacro; do \
-	  name=$$(basename "$$source" .urdf.xacro); \
+	@for source in xacro/*.urdf.xacro xacro/assemblies/*.yaml; do \
+	  name=$$(basename "$$source" .urdf.xacro); name=$${name%.yaml}; \
 	  $(BIN)/leg-dynamics render "$$source" --output "urdf/$$name.urdf" || exit; \
 	done
 

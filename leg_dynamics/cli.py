@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from leg_dynamics.analysis.design import Study, StudyResult
-    from leg_dynamics.analysis.gait import GaitStudy, Robot
+    from leg_dynamics.analysis.gait import GaitStudy, Robot, Tilt
     from leg_dynamics.analysis.trajectories import Trajectory
     from leg_dynamics.analysis.workspace import Workspace
     from leg_dynamics.leg import Leg
@@ -74,8 +74,8 @@ FORCE_NOTE = (
 app = typer.Typer(
     name="leg-dynamics",
     help="Torques, Jacobians and design maps of closed-loop robot legs. "
-    "LEG is a shipped name (see `list`) or a path to a .urdf, .urdf.xacro or .xacro file; an xacro file can run Python "
-    "code, so render only files that you trust.",
+    "LEG is a shipped name (see `list`) or a path to a .urdf, .urdf.xacro or .xacro file, or to the .yaml file of an "
+    "assembly of modules; an xacro file can run Python code, so render only files that you trust.",
     epilog=EXIT_CODES,
     no_args_is_help=True,
     add_completion=False,
@@ -92,7 +92,7 @@ def _path(text: str) -> Path:
 
 
 # Parameters that several commands share.
-LegName = Annotated[str, typer.Argument(metavar="LEG", help="Shipped name, or path to .urdf / .urdf.xacro.")]
+LegName = Annotated[str, typer.Argument(metavar="LEG", help="Shipped name, or path to .urdf / .urdf.xacro / .yaml.")]
 SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter of an xacro leg; repeatable."),
@@ -348,7 +348,7 @@ def render_leg(
         Path | None, typer.Option("--output", parser=_path, metavar="FILE", help="Write here, not to stdout.")
     ] = None,
 ) -> None:
-    """Render a leg's xacro source to URDF+."""
+    """Render a leg's xacro source, or an assembly of modules, to URDF+."""
     from leg_dynamics import description
 
     if check and (set_ or output):
@@ -363,7 +363,7 @@ def render_leg(
             pairs = enumerate(zip(stored.splitlines(), text.splitlines(), strict=False), start=1)
             shorter = min(len(stored.splitlines()), len(text.splitlines())) + 1
             line = next((number for number, (old, new) in pairs if old != new), shorter)
-            _complain(f"{shipped}:{line}: stale: differs from its xacro source; render it again")
+            _complain(f"{shipped}:{line}: stale: differs from its source; render it again")
             raise typer.Exit(FAILED)
         print(f"{leg}: up to date")
     elif output is None:
@@ -736,6 +736,19 @@ def gait_robot(
     body_height: Annotated[
         float | None, typer.Option("--body-height", metavar="M", help="Body frame above the ground, m; home if absent.")
     ] = None,
+    tilt: Annotated[
+        str | None,
+        typer.Option(
+            "--tilt", metavar="ROLL,PITCH", help="Of the body, rad: right side down, head down; 0,0 if absent."
+        ),
+    ] = None,
+    tilt_sine: Annotated[
+        str | None,
+        typer.Option("--tilt-sine", metavar="ROLL,PITCH", help="Rad that the tilt swings by, as sin(2 pi t / period)."),
+    ] = None,
+    tilt_cosine: Annotated[
+        str | None, typer.Option("--tilt-cosine", metavar="ROLL,PITCH", help="The same, as cos(2 pi t / period).")
+    ] = None,
     load: Annotated[
         str,
         typer.Option(
@@ -781,6 +794,7 @@ def gait_robot(
         duty=duty,
         law=law,
         body_height=body_height,
+        tilt=_tilt(tilt, tilt_sine, tilt_cosine),
     )
     with _error_console().status("walking"):
         result = gaits.study(
@@ -939,6 +953,19 @@ def _robot(name: str, leg: str | None, route: str | None, set_: Sequence[str] | 
         "hexapod, and name its leg with --leg",
         file=mechanism.file,
     )
+
+
+def _tilt(fixed: str | None, sine: str | None, cosine: str | None) -> Tilt | None:
+    """The tilt of a walk's body from its options."""
+    import numpy as np
+
+    from leg_dynamics.analysis.gait import Tilt
+
+    if fixed is None and sine is None and cosine is None:
+        return None
+    options = {"--tilt": fixed, "--tilt-sine": sine, "--tilt-cosine": cosine}
+    (roll, pitch), *waves = (_numbers(option, text or "0,0", 2) for option, text in options.items())
+    return Tilt(roll, pitch, sine=np.array([waves[0]]), cosine=np.array([waves[1]]))
 
 
 def _load_options(
@@ -1355,17 +1382,20 @@ def _show_workspace(result: Workspace) -> None:
 
 
 def _write_walk(path: Path, result: GaitStudy) -> None:
+    from leg_dynamics.analysis.gait import picture
     from leg_dynamics.preview import Walking, write_html
 
-    assert result.robot.description is not None
-    mechanism, table = result.robot.description, result.walk.table
-    walking = Walking.of(
-        result.body.position[:, :2], result.body.yaw, result.feet.position, result.stance, result.com[:, :2]
-    )
-    title = f"{mechanism.name}, {table.name} gait, {result.walk.period:g} s, duty {table.duty:.3g}"
-    values = result.joint_values()
+    scene, table = picture(result), result.walk.table
+    walking = Walking.of(scene.position, scene.yaw, scene.feet, result.stance, scene.centre)
+    title = f"{scene.description.name}, {table.name} gait, {result.walk.period:g} s, duty {table.duty:.3g}"
+    if result.limits:
+        nearest = result.nearest_limits()[0]
+        title += (
+            f"; nearest limit {nearest.name}, {nearest.least:.4g} {nearest.unit} at {result.time[nearest.row]:.3g} s"
+        )
     _write_atomically(
-        path, lambda place: write_html(mechanism, result.time, values, place, walking=walking, title=title)
+        path,
+        lambda place: write_html(scene.description, result.time, scene.values, place, walking=walking, title=title),
     )
 
 
@@ -1382,6 +1412,9 @@ def _show_gait(result: Mapping[str, Any]) -> None:
     margin = result["stability_margin [m]"]
     least = "no foot on the ground" if margin["least"] is None else f"{margin['least']:.4f}"
     _say(f"static stability margin: {least} m at {margin['at [s]']:.4g} s, up to {_number(margin['greatest'])} m")
+    if result["body_tilt [rad]"] != {"roll": [0.0, 0.0], "pitch": [0.0, 0.0]}:
+        roll, pitch = (" ... ".join(f"{end:.4g}" for end in tilt) for tilt in result["body_tilt [rad]"].values())
+        _say(f"body tilted: roll {roll} rad, pitch {pitch} rad")
     _say(f"{result['mass [kg]']:.4g} kg; centre of mass: {result['centre_of_mass']}")
     _say(f"foot forces: {result['load']}; largest {result['largest_foot_force [N]']:.1f} N")
     table = _table("Joints", "joint", "peak speed", "on the ground", "unit", "least distance to a limit", "")
@@ -1400,6 +1433,17 @@ def _show_gait(result: Mapping[str, Any]) -> None:
                 table, row["actuator"], f"{row['effort']:+.1f}", ends, row["unit"], f"{row['power [W]']:.1f} W", note
             )
     console.print(table)
+    table = _table("Limits, the nearest of each leg", "leg", "limit", "least margin", "over half range", "at", "")
+    rows = [row for leg in result["legs"] for row in leg["limits"][:_NEAREST_LIMITS]]
+    rows += [row for leg in result["legs"] for row in leg["limits"][_NEAREST_LIMITS:] if not row["holds"]]
+    for row in [*result["limits_between_legs"], *rows]:
+        note = "" if row["holds"] else "BROKEN"
+        least, share = f"{row['margin']:+.4f} {row['unit']}", f"{row['normalised']:+.3f}"
+        _add_row(table, row["leg"], row["limit"], least, share, f"{row['at [s]']:.4g} s", note)
+    console.print(table)
+
+
+_NEAREST_LIMITS = 2
 
 
 def _write_table(path: Path, leg: Leg, motion: Trajectory, efforts: np.ndarray) -> None:

@@ -86,9 +86,28 @@ def table(path):
 # The command as a whole.
 
 
-@pytest.mark.parametrize(
-    "command", [[], ["list"], ["info"], ["render"], ["torque"], ["crosscheck"], ["preview"], ["demo"]]
+COMMANDS = (
+    "list",
+    "info",
+    "render",
+    "torque",
+    "crosscheck",
+    "preview",
+    "workspace",
+    "design",
+    "gait",
+    "demo",
+    "reproduce",
 )
+
+
+def test_help_lists_every_command():
+    listed = run("--help").out
+    for command in (*COMMANDS, "bench"):
+        assert re.search(rf"\b{command}\b", listed), command
+
+
+@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS)])
 def test_help_documents_exit_codes(command):
     result = run(*command, "--help")
     text = " ".join(result.out.split())

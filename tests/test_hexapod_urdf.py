@@ -260,6 +260,17 @@ def test_the_robots_own_numbers_and_the_legs_can_be_set():
     assert tree.frames({})["rear_left_hip"][1, 3] == pytest.approx(0.4)
 
 
+def test_the_robots_parameters_are_those_of_both_files():
+    robot, leg = read("hexapod").parameters, read("hexapod_leg").parameters
+    own = {"body_mass", "body_length", "body_width", "body_height", "hip_spacing", "hip_width"}
+    assert set(robot) - set(leg) == own
+    assert {name: each for name, each in robot.items() if name not in own} == dict(leg)
+    assert {name: robot[name].value for name in ("body_mass", "hip_width")} == {"body_mass": 60, "hip_width": 0.6}
+    assert all(robot[name].source.startswith("assumed: ") for name in own)
+    changed = read("hexapod", parameters={"hip_spacing": 0.75}).parameters
+    assert changed["hip_spacing"].value == 0.75
+
+
 def test_the_description_reads_every_loop_and_limit_of_the_workspace():
     robot = read("hexapod")
     assert (len(robot.moving_joints), len(robot.loops), len(robot.transmissions)) == (54, 12, 18)

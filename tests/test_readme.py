@@ -24,7 +24,7 @@ def test_the_examples_print_what_their_comments_say() -> None:
 
 
 def test_the_examples_have_ten_lines() -> None:
-    assert len(EXAMPLES) == 2
+    assert len(EXAMPLES) == 3
     for code in EXAMPLES:
         assert len([line for line in code.splitlines() if line.strip()]) <= 10
 

@@ -12,19 +12,22 @@ import yaml
 from leg_dynamics.description import render, shipped_names, shipped_urdf, shipped_xacro
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = sorted(path.name.removesuffix(".urdf.xacro") for path in (ROOT / "xacro").glob("*.urdf.xacro"))
-PARAMETER_FILES = sorted((ROOT / "xacro").glob("*.yaml"))
+PATHS = {path.name.removesuffix(".urdf.xacro"): path for path in (ROOT / "xacro").glob("*.urdf.xacro")}
+PATHS |= {path.stem: path for path in (ROOT / "xacro" / "assemblies").iterdir()}
+SOURCES = sorted(PATHS)
+MODULE = ROOT / "xacro" / "common" / "module_parameters.yaml"
+PARAMETER_FILES = [*sorted((ROOT / "xacro").glob("*.yaml")), MODULE]
 
 
 def test_every_source_has_its_generated_file_and_the_other_way_round():
-    assert SOURCES, "no xacro source found: the tests of this file would check nothing"
+    assert {"omnileg", "quadruped"} <= set(SOURCES), "sources not found: the tests of this file would check nothing"
     assert sorted(path.stem for path in (ROOT / "urdf").iterdir()) == SOURCES
     assert sorted(shipped_names()) == SOURCES
 
 
 @pytest.mark.parametrize("name", SOURCES)
 def test_generated_file_is_up_to_date(name):
-    assert shipped_xacro(name) == ROOT / "xacro" / f"{name}.urdf.xacro"
+    assert shipped_xacro(name) == PATHS[name]
     rendered = render(shipped_xacro(name))
     committed = shipped_urdf(name).read_text(encoding="utf-8")
     changes = difflib.unified_diff(committed.splitlines(), rendered.splitlines(), "urdf/", "rendered", lineterm="", n=0)
@@ -67,8 +70,14 @@ def test_every_parameter_says_unit_source_and_meaning(path):
 @pytest.mark.slow
 @pytest.mark.parametrize("path", PARAMETER_FILES, ids=lambda path: path.name)
 def test_every_parameter_reaches_the_generated_file(path):
-    name = path.name.removesuffix("_parameters.yaml")
-    plain = render(shipped_xacro(name))
-    for parameter, entry in yaml.safe_load(path.read_text(encoding="utf-8")).items():
-        changed = render(shipped_xacro(name), {parameter: 1.01 * entry["value"] + 1e-3})
+    name, given = path.name.removesuffix("_parameters.yaml"), {}
+    if path == MODULE:
+        name, given = "quadruped", {"frozen": 0}
+    plain = render(shipped_xacro(name), given)
+    parameters = yaml.safe_load(path.read_text(encoding="utf-8"))
+    for parameter, entry in parameters.items():
+        value = 1.01 * entry["value"] + 1e-3
+        # The module's length is that of its parts.
+        lengths = {"length": {"s": value - 0.075}, "f": {"s": 0.15 - 2 * value}, "s": {"f": (0.15 - value) / 2}}
+        changed = render(shipped_xacro(name), given | {parameter: value} | lengths.get(parameter, {}))
         assert changed != plain, f"{parameter} of {path.name} has no effect"

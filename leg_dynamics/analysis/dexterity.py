@@ -27,6 +27,8 @@ __all__ = [
     "actuator_jacobian",
     "column_scales",
     "conditioning",
+    "conditioning_kernel",
+    "conditioning_program",
     "dexterity",
     "home_coordinates",
     "home_length",
@@ -208,17 +210,18 @@ def conditioning_kernel() -> Kernel:
 
     if "kernel" not in _MADE:
         key = key_of("conditioning", source_fingerprint(__name__))
-        _MADE["kernel"] = kernel("conditioning", key, _conditioning_program)
+        _MADE["kernel"] = kernel("conditioning", key, conditioning_program)
     return _MADE["kernel"]
 
 
 _MADE: dict[str, Kernel] = {}
 
 
-def _conditioning_program() -> Any:
-    """Eigenvalues of the scaled J^T J by the cosine form of the cubic; the smallest from the determinant.
+def conditioning_program() -> Any:
+    """The formulas of `conditioning_kernel`: (J (3, 3), factors of its columns (3,)) -> sigma_min, sigma_max, det J.
 
-    The cubic loses the digits of a small eigenvalue beside a large one, the determinant does not.
+    Eigenvalues of the scaled J^T J by the cosine form of the cubic; the smallest from the determinant, for the cubic
+    loses the digits of a small eigenvalue beside a large one, and the determinant does not.
     """
     import casadi
 

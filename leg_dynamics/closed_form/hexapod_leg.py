@@ -31,7 +31,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from leg_dynamics.closed_form import _hexapod_leg_composite as composite
-from leg_dynamics.closed_form._hexapod_leg_composite import Chain, CompositeParameters
+from leg_dynamics.closed_form._hexapod_leg_composite import (
+    BASE_PARAMETER_NAMES,
+    BASE_PARAMETER_UNITS,
+    BaseParameters,
+    Chain,
+    CompositeParameters,
+)
 from leg_dynamics.closed_form.algebra import (
     IDENTITY,
     ZERO,
@@ -87,12 +93,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ASSEMBLY_MODES",
+    "BASE_PARAMETER_NAMES",
+    "BASE_PARAMETER_UNITS",
     "BODY_NAMES",
     "BRANCHES",
     "JOINT_NAMES",
     "SINGULARITY_LIMIT",
     "TREE_JOINT_NAMES",
     "Angle",
+    "BaseParameters",
     "Body",
     "CompositeParameters",
     "Dissipation",
@@ -100,7 +109,9 @@ __all__ = [
     "InverseKinematics",
     "Motion",
     "assembly_margins",
+    "assembly_ranges",
     "ball_angle",
+    "base_parameters",
     "bias",
     "body_motions",
     "closure_residual",
@@ -140,6 +151,7 @@ __all__ = [
     "platform_direction",
     "platform_rotation",
     "potential_energy",
+    "regressor",
     "singular_values",
     "singularity_margins",
     "strut_length_1",
@@ -417,6 +429,24 @@ def assembly_margins(leg: HexapodLeg, q: Vector) -> Vector:
     hinge = 1.0 - pose.k2 * pose.k2 / (leg.b * leg.b + leg.e * leg.e)
     ball = 1.0 - pose.f * pose.f / (pose.m * pose.m + leg.c * leg.c)
     return hinge, where(hinge >= 0.0, ball, hinge)
+
+
+def assembly_ranges(leg: HexapodLeg, q: Vector) -> Matrix:
+    """Least and greatest length of each strut with which the leg closes, the others as they are, m.
+
+    Triangle inequalities: A1 is a from A2 and sqrt(b² + e²) from B2, whatever l1; across the x axis B3 is sqrt(m² + c²)
+    from A1, with m = l1 cos(beta), and A3 is a from A1. The range of strut 1 is wider than it need be: what is exact is
+    asked of strut 3.
+    """
+    pose = _pose(leg, q)
+    arm = sqrt(leg.b * leg.b + leg.e * leg.e)
+    middle = pose.l1 * pose.l1 + leg.a * leg.a + leg.c * leg.c
+    half = 2.0 * leg.a * sqrt(pose.m * pose.m + leg.c * leg.c)
+    return (
+        (0.0 * pose.l1, leg.a + leg.c + pose.l3),
+        (sqrt((leg.a - arm) * (leg.a - arm)), leg.a + arm),
+        (sqrt(middle - half), sqrt(middle + half)),
+    )
 
 
 def singularity_margins(leg: HexapodLeg, q: Vector) -> Vector:
@@ -988,6 +1018,33 @@ def composite_parameters(leg: HexapodLeg) -> CompositeParameters:
     return composite.composite_parameters(leg.bodies, dict(enumerate(hip_points(leg), 1)))
 
 
+def base_parameters(leg: HexapodLeg) -> Vector:
+    """Fewest numbers that forces without losses are linear in: `BaseParameters`, in its order."""
+    return composite.base_parameters(composite_parameters(leg), leg.b, leg.side * leg.c, leg.e, leg.drive_mass)
+
+
+def regressor(leg: HexapodLeg, q: Vector, v: Vector, a: Vector, gravity: Vector) -> Matrix:
+    """Matrix Y (3 x 39) of inverse dynamics without losses = Y pi, pi = `base_parameters`: what identification needs.
+
+    Of the leg only lengths, side and assembly mode are used. Drives are in pi; losses and a foot force are not:
+    subtract `dissipation_torque` and `foot_force_torque` from measured forces. A column's unit is N over its
+    `BASE_PARAMETER_UNITS`.
+
+    Over random states Y has full column rank, in gravity of random directions as well as in that of a level hip, which
+    leaves no column zero: no parameter is a sum of others. In gravity along the hip's x alone the four columns of
+    moments about x, ``moment_alpha_y`` to ``moment_alpha3_z``, are zero, and without gravity all ten that are no rod's.
+    Only a leg with b² + e² = a² has a parameter fewer: strut 2 turns half as fast as strut 1 then, beta2' = beta' / 2,
+    and ``inertia_1`` and ``inertia_2`` / 4 are felt as one.
+    """
+    pose = _pose(leg, q)
+    chains = _chains(leg, pose, v, a)
+    columns = []
+    for parameters, drives in composite.single_base_parameters():
+        force = _composite_force(leg, parameters, pose, chains, gravity, ZERO)
+        columns.append(add(force, tuple(mass * a_i for mass, a_i in zip(drives, a, strict=True))))
+    return transpose(tuple(columns))
+
+
 class _Chains(NamedTuple):
     """Struts 1 and 2 share a proximal angle; sine and cosine of it, and of strut 3's."""
 
@@ -1046,19 +1103,26 @@ def composite_inverse_dynamics(
         Force that the environment applies to the foot, N.
     """
     pose = _pose(leg, q)
-    sa, ca, sa3, ca3, (one, two, three) = _chains(leg, pose, v, a)
+    work = _composite_force(leg, parameters, pose, _chains(leg, pose, v, a), gravity, _foot_pull(leg, pose, force))
+    drives = tuple(mass * a_i for mass, a_i in zip(leg.drive_mass, a, strict=True))
+    return total((work, drives, dissipation_torque(leg, q, v)))
+
+
+def _composite_force(
+    leg: HexapodLeg, parameters: CompositeParameters, pose: _Pose, chains: _Chains, gravity: Vector, pulls: Vector
+) -> Vector:
+    """Forces of the struts without drives and losses, linear in the parameters where the foot is not pulled."""
+    sa, ca, sa3, ca3, (one, two, three) = chains
     down = composite.turned_about_x(sa, ca, gravity)
     down_3 = composite.turned_about_x(sa3, ca3, gravity)
     alpha_1, beta_1, thrust_1 = composite.strut_force(parameters.struts[0], one, down)
     alpha_2, beta_2, thrust_2 = composite.strut_force(parameters.struts[1], two, down)
     alpha_3, beta_3, thrust_3 = composite.strut_force(parameters.struts[2], three, down_3)
-    pull_alpha, pull_beta, pull = _foot_pull(leg, pose, force)
+    pull_alpha, pull_beta, pull = pulls
     alpha = alpha_1 + alpha_2 + composite.cross_force(parameters.first_crosses, one.accelerations[0], down) - pull_alpha
     alpha_3 = alpha_3 + composite.cross_force(parameters.third_cross, three.accelerations[0], down_3)
     turns = (leg.side * alpha, beta_1 - pull_beta, beta_2, leg.side * alpha_3, beta_3)
-    work = _work(leg, pose, turns, (thrust_1 - pull, thrust_2, thrust_3))
-    drives = tuple(mass * a_i for mass, a_i in zip(leg.drive_mass, a, strict=True))
-    return total((work, drives, dissipation_torque(leg, q, v)))
+    return _work(leg, pose, turns, (thrust_1 - pull, thrust_2, thrust_3))
 
 
 def composite_bias(leg: HexapodLeg, parameters: CompositeParameters, q: Vector, v: Vector, gravity: Vector) -> Vector:

@@ -7,13 +7,16 @@ Any module of this package serves that has ``JOINT_NAMES``, ``TREE_JOINT_NAMES``
     foot_jacobian_derivative(leg, q, v)     foot_bias_acceleration(leg, q, v)
     foot_force_torque(leg, q, force)        mass_matrix(leg, q)             potential_energy(leg, q, gravity)
     inverse_dynamics(leg, q, v, a, gravity) bias(leg, q, v, gravity)        forward_dynamics(leg, q, v, f, gravity)
-    inverse_kinematics(leg, p, branch)      with `q` and `margin` (m, negative outside the reach)
+    inverse_kinematics(leg, p, branch)      with `q`, `margin` (m, negative outside the reach) and, where a foot within
+                                            reach can have no unique angles, `singular_margin` (m, negative there)
 
 and, where it has models to choose between, ``OPTIONS`` (a mapping of names to allowed values, which `from_urdf` takes
 as keywords); where it has singular configurations, ``singularity_margins(leg, q)`` (values that vanish there) with
-``SINGULARITY_LIMIT``; where its inertia reduces to fewer base parameters, ``composite_parameters(leg)`` and the dynamic
-formulas above as ``composite_inverse_dynamics(leg, parameters, q, v, a, gravity, force)`` and so on, which kernels then
-use (``force`` acts on the foot; ``composite_forward_dynamics`` takes it too), and
+``SINGULARITY_LIMIT``; where not all coordinates close the loops, ``assembly_ranges(leg, q)`` (least and greatest value
+of each coordinate, the others as they are); where its inertia reduces to fewer base parameters,
+``composite_parameters(leg)`` and the dynamic formulas above as ``composite_inverse_dynamics(leg, parameters, q, v, a,
+gravity, force)`` and so on, which kernels then use (``force`` acts on the foot; ``composite_forward_dynamics`` takes it
+too), and
 ``BASE_PARAMETER_NAMES``, ``BASE_PARAMETER_UNITS``, ``base_parameters(leg)``, ``regressor(leg, q, v, a, gravity)``;
 where numbers are left out when they are zero, ``with_every_number(leg)``.
 
@@ -37,9 +40,11 @@ from leg_dynamics.closed_form.compiled import FormulaKernels, complete
 from leg_dynamics.closed_form.numbers import named_numbers
 from leg_dynamics.description.topology import actuated_joints
 from leg_dynamics.errors import (
+    AssemblyError,
     FormulaAssumptionError,
     OutOfReachError,
     RouteError,
+    RowError,
     RowFailures,
     SingularityError,
     UnsupportedError,
@@ -217,21 +222,55 @@ class ClosedFormRoute:
     def _report_singular(self, q: np.ndarray, result: np.ndarray, failures: RowFailures) -> None:
         states = np.atleast_2d(q)
         suspects = np.flatnonzero(np.isnan(result.reshape(len(states), -1)).any(axis=1))
+        if hasattr(self.module, "assembly_ranges"):
+            suspects = self._report_open(states, suspects, failures)
         margins = self.plain(self.module.singularity_margins, states[suspects]).min(axis=-1)
         singular = ~(margins >= self.module.SINGULARITY_LIMIT)
         if not singular.any():
             return
         failing, margins = suspects[singular], margins[singular]
-        pose = ", ".join(f"{name} = {x:.6g}" for name, x in zip(self.joint_names, states[failing[0]], strict=True))
         failures.add(
             failing,
             SingularityError(
-                f"the passive joints lose their direction at {pose} (singularity margin {margins[0]:.3g}): "
-                "ask for a configuration further away from it",
+                f"the passive joints lose their direction at {self._shown(states[failing[0]])} (singularity margin "
+                f"{margins[0]:.3g}): ask for a configuration further away from it",
                 rows=failing,
                 margin=margins,
             ),
         )
+
+    def _report_open(self, states: np.ndarray, suspects: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Report rows whose loops cannot be closed; return the others."""
+        ranges = self.plain(self.module.assembly_ranges, states[suspects])
+        values = states[suspects]
+        # NaN where another coordinate leaves no range at all; that one is reported.
+        inside = np.fmin(values - ranges[..., 0], ranges[..., 1] - values)
+        margins = np.nanmin(inside, axis=-1, initial=np.inf)
+        is_open = margins < 0.0
+        if not is_open.any():
+            return suspects
+        failing, margins = suspects[is_open], margins[is_open]
+        first = int(np.flatnonzero(is_open)[0])
+        k = int(np.nanargmin(inside[first]))
+        low, high = ranges[first, k]
+        failures.add(
+            failing,
+            AssemblyError(
+                f"the loops cannot be closed at {self._shown(values[first])}: with the other coordinates "
+                f"{self.joint_names[k]} must lie in [{low:.6g}, {high:.6g}] and is {-margins[0]:.3g} outside; ask for "
+                "coordinates inside",
+                rows=failing,
+                margin=margins,
+                residual=-margins,
+                coordinate=self.joint_names[k],
+                value=float(values[first, k]),
+                limit=float(low if values[first, k] < low else high),
+            ),
+        )
+        return suspects[~is_open]
+
+    def _shown(self, state: np.ndarray) -> str:
+        return ", ".join(f"{name} = {x:.6g}" for name, x in zip(self.joint_names, state, strict=True))
 
     # ------------------------------------------------------------------ the interface
 
@@ -381,19 +420,28 @@ class ClosedFormRoute:
         points = np.atleast_2d(p)
         failing = np.flatnonzero(np.isnan(np.atleast_2d(q)).any(axis=1))
 
-        def missing(numbers: Any, components: tuple[Any, ...]) -> Any:
-            return self.module.inverse_kinematics(numbers, components, branch).margin
+        def margins(numbers: Any, components: tuple[Any, ...]) -> Any:
+            found = self.module.inverse_kinematics(numbers, components, branch)
+            return found.margin, getattr(found, "singular_margin", 0.0)
 
-        margin = np.minimum(self.plain(missing, points[failing]), 0.0)
-        if not failing.size:
-            return
-        point = ", ".join(f"{value:.6g}" for value in points[failing[0]])
-        failures.add(
-            failing,
-            OutOfReachError(
-                f"the foot cannot reach ({point}) m: {-margin[0]:.3g} m are missing; move the point "
-                "inside the workspace",
-                rows=failing,
-                margin=margin,
+        margin, singular = np.minimum(self.plain(margins, points[failing]), 0.0).T
+        kinds: tuple[tuple[type[RowError], np.ndarray, str], ...] = (
+            (
+                OutOfReachError,
+                np.flatnonzero(singular == 0.0),
+                "the foot cannot reach ({point}) m: {missing:.3g} m are missing; move the point inside the workspace",
+            ),
+            (
+                SingularityError,
+                np.flatnonzero(singular < 0.0),
+                "the joint angles at ({point}) m are not unique: the foot lies on an axis that a joint turns it about, "
+                "or {missing:.3g} m too close to it; move the point away from that axis",
             ),
         )
+        for kind, chosen, sentence in kinds:
+            if not chosen.size:
+                continue
+            rows = failing[chosen]
+            point = ", ".join(f"{value:.6g}" for value in points[rows[0]])
+            message = sentence.format(point=point, missing=-margin[chosen[0]])
+            failures.add(rows, kind(message, rows=rows, margin=margin[chosen]))

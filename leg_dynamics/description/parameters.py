@@ -1,4 +1,4 @@
-"""Named design parameters: the YAML file beside a xacro source, the arguments it declares, and new values for both."""
+"""Named design parameters: the YAML files beside a xacro source, the arguments it declares, and new values for both."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ __all__ = [
     "Overrides",
     "declared_arguments",
     "load_parameters",
-    "parameters_file",
+    "parameters_files",
     "parameters_of",
     "read_text",
     "shown_overrides",
 ]
 
-_ARGUMENT = "parameters"  # the xacro argument that names the YAML file
+_ARGUMENT = "parameters"  # the xacro argument that names the YAML files
+_APART = ";"
 
 
 def read_text(path: Path, document: Document) -> str:
@@ -95,8 +96,10 @@ def declared_arguments(path: Path) -> dict[str, Node]:
     return arguments
 
 
-def parameters_file(arguments: Mapping[str, Node]) -> Path | None:
-    """The YAML file that the argument ``parameters`` names by default, or None where there is no such argument.
+def parameters_files(arguments: Mapping[str, Node]) -> tuple[Path, ...]:
+    """The YAML files that the argument ``parameters`` names by default, apart by semicolons; none without the argument.
+
+    A source that names several must do with one that holds the entries of all: with new values it is given such a copy.
 
     Parameters
     ----------
@@ -105,22 +108,26 @@ def parameters_file(arguments: Mapping[str, Node]) -> Path | None:
 
     Returns
     -------
-    pathlib.Path or None
-        An existing file.
+    tuple of pathlib.Path
+        Existing files.
 
     Raises
     ------
     RenderError
-        Where the file named there does not exist.
+        Where a file named there does not exist, or is named twice.
     """
     node = arguments.get(_ARGUMENT)
     default = "" if node is None else node.attributes.get("default", "")
-    if node is None or not default.endswith((".yaml", ".yml")) or "$" in default:
-        return None
-    file = Path(node.document.file).parent / default
-    if not file.is_file():
-        raise node.error(f"the parameters file {default!r} does not exist beside the xacro file")
-    return file
+    names = default.split(_APART)
+    if node is None or "$" in default or not all(name.endswith((".yaml", ".yml")) for name in names):
+        return ()
+    files = [Path(node.document.file).parent / name for name in names]
+    for name, file in zip(names, files, strict=True):
+        if not file.is_file():
+            raise node.error(f"the parameters file {name!r} does not exist beside the xacro file")
+        if files.count(file) > 1:
+            raise node.error(f"the parameters file {name!r} is named twice")
+    return tuple(files)
 
 
 def load_parameters(file: Path) -> tuple[dict[str, Any], dict[str, Parameter]]:
@@ -187,7 +194,7 @@ def _is_finite_number(value: object) -> bool:
 
 
 class Overrides:
-    """New parameter values for one xacro file, sorted into YAML entries and xacro arguments.
+    """New parameter values for one xacro file, sorted into entries of its YAML files and xacro arguments.
 
     Parameters
     ----------
@@ -199,18 +206,32 @@ class Overrides:
     Raises
     ------
     ParameterError
-        Where a name is neither in the YAML file nor a declared argument, or a value is no finite number.
+        Where a name is neither in a YAML file nor a declared argument, a value is no finite number, or two files have
+        a parameter of the same name.
     RenderError
         Where the xacro file is malformed.
     """
 
     def __init__(self, path: Path, values: Mapping[str, float] | None) -> None:
         arguments = declared_arguments(path)
-        self.file = parameters_file(arguments)
-        self.data, self.parameters = ({}, {}) if self.file is None else load_parameters(self.file)
+        self.files = parameters_files(arguments)
+        self.data: dict[str, Any] = {}
+        self.parameters: dict[str, Parameter] = {}
+        for file in self.files:
+            data, parameters = load_parameters(file)
+            for name in parameters:
+                if name in self.parameters:
+                    others = ", ".join(each.name for each in self.files if each != file)
+                    raise ParameterError(
+                        f"{file}: parameter {name!r} is in {others} as well; keep it in one file",
+                        name=name,
+                        file=str(file),
+                    )
+            self.data |= data
+            self.parameters |= parameters
         self.in_yaml: dict[str, float] = {}
         self.arguments: dict[str, str] = {}
-        settable = [*self.parameters, *(name for name in arguments if name != _ARGUMENT or self.file is None)]
+        settable = [*self.parameters, *(name for name in arguments if name != _ARGUMENT or not self.files)]
         for name, value in (values or {}).items():
             if name not in settable:
                 raise ParameterError(
@@ -226,12 +247,12 @@ class Overrides:
                 self.arguments[name] = repr(int(value) if float(value).is_integer() else float(value))
 
     def effective(self) -> dict[str, Parameter]:
-        """The YAML file's parameters with the new values in place."""
+        """The YAML files' parameters with the new values in place."""
         changed = {name: replace(self.parameters[name], value=value) for name, value in self.in_yaml.items()}
         return {**self.parameters, **changed}
 
     def write_yaml(self, folder: Path) -> Path:
-        """Write a copy of the YAML file with the new values, under its own name.
+        """Write one copy of the YAML files with the new values, under the first one's name.
 
         Parameters
         ----------
@@ -245,13 +266,13 @@ class Overrides:
         """
         import yaml
 
-        assert self.file is not None
+        assert self.files
         data = dict(self.data)
         for name, value in self.in_yaml.items():
             # A count stays an int: xacro cannot range() over 3.0.
             counts = isinstance(data[name]["value"], int) and value.is_integer()
             data[name] = {**data[name], "value": int(value) if counts else value}
-        copy = folder / self.file.name
+        copy = folder / self.files[0].name
         copy.write_text(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), encoding="utf-8")
         return copy
 
@@ -262,7 +283,7 @@ def shown_overrides(values: Mapping[str, float] | None) -> str:
 
 
 def parameters_of(path: Path, values: Mapping[str, float] | None) -> dict[str, Parameter]:
-    """The parameters of a xacro file after overrides; empty where it has no parameters file.
+    """The parameters of a xacro file after overrides; empty where it names no parameters file.
 
     Parameters
     ----------

@@ -6,7 +6,9 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from leg_dynamics.description.assembling import assembly_parameters
 from leg_dynamics.description.model import Description, Parameter
+from leg_dynamics.description.modules import is_assembly
 from leg_dynamics.description.parameters import parameters_of, shown_overrides
 from leg_dynamics.description.parse import build
 from leg_dynamics.description.render import read_text, render, rendered_name
@@ -23,10 +25,12 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
     Parameters
     ----------
     source : str or path-like
-        A shipped name, the path of a ``.urdf`` or ``.xacro`` file, or XML text (it starts with ``<``). Plain URDF is
-        data; a ``.xacro`` file runs the Python expressions in it, see `render`.
+        A shipped name, the path of a ``.urdf``, ``.xacro`` or ``.yaml`` file, or XML text (it starts with ``<``). Plain
+        URDF is data, and so is a ``.yaml`` file, an assembly of modules; a ``.xacro`` file runs the Python expressions
+        in it, see `render`.
     parameters : mapping of str to float, optional
-        New values of named parameters; only for a shipped name or a ``.xacro`` file, which is rendered with them.
+        New values of named parameters; only for a shipped name, a ``.xacro`` or a ``.yaml`` file, which is rendered
+        with them.
 
     Returns
     -------
@@ -51,10 +55,10 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
         if not parameters:
             return _read_shipped(name)
         path = shipped_xacro(name)
-    if path.name.endswith(".xacro"):
+    if path.name.endswith(".xacro") or is_assembly(path):
         text = render(path, parameters)
         document = Document(rendered_name(path), source=str(path), overrides=shown_overrides(parameters))
-        return build(text, document, parameters_of(path, parameters))
+        return build(text, document, _parameters(path, parameters))
     _refuse_parameters(parameters, f"the plain file {path}")
     document = Document(str(path))
     return build(read_text(path, document), document)
@@ -72,13 +76,17 @@ def _shipped_parameters(name: str) -> Mapping[str, Parameter]:
         source: Path = shipped_xacro(name)
     except LegNotFoundError:
         return {}
-    return parameters_of(source, None)
+    return _parameters(source, None)
+
+
+def _parameters(source: Path, values: Mapping[str, float] | None) -> Mapping[str, Parameter]:
+    return assembly_parameters(source, values) if is_assembly(source) else parameters_of(source, values)
 
 
 def _refuse_parameters(parameters: Mapping[str, float] | None, what: str) -> None:
     if parameters:
         raise ParameterError(
-            f"parameters {', '.join(map(str, parameters))} cannot be set: {what} has none; use a shipped name or a "
-            ".xacro file",
+            f"parameters {', '.join(map(str, parameters))} cannot be set: {what} has none; use a shipped name, or a "
+            ".xacro or .yaml file",
             parameters=dict(parameters),
         )

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from leg_dynamics.description.xml_reader import nearest
 from leg_dynamics.errors import LegNotFoundError
 
-__all__ = ["existing_file", "shipped_names", "shipped_urdf", "shipped_xacro"]
+__all__ = ["existing_file", "shipped_folder", "shipped_names", "shipped_urdf", "shipped_xacro"]
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _XACRO_SUFFIX = ".urdf.xacro"
+_ASSEMBLY_SUFFIX = ".yaml"
 
 
-def _folder(name: str) -> Path:
+def shipped_folder(name: str) -> Path:
     """The folder ``xacro`` or ``urdf``; in a wheel the folder beside the package is somebody else's."""
     packaged = _PACKAGE / "_data"
     return (packaged if packaged.is_dir() else _PACKAGE.parent) / name
@@ -28,18 +30,23 @@ def shipped_names() -> tuple[str, ...]:
     tuple of str
         The stems of ``urdf/*.urdf``.
     """
-    return tuple(sorted(path.stem for path in _folder("urdf").glob("*.urdf")))
+    return tuple(sorted(path.stem for path in shipped_folder("urdf").glob("*.urdf")))
 
 
-def _shipped_sources() -> tuple[str, ...]:
-    return tuple(sorted(path.name.removesuffix(_XACRO_SUFFIX) for path in _folder("xacro").glob(f"*{_XACRO_SUFFIX}")))
+def _shipped_sources() -> dict[str, Path]:
+    """What the shipped files are rendered from, by name: xacro files and assemblies of modules."""
+    folder = shipped_folder("xacro")
+    found = {path.name.removesuffix(_XACRO_SUFFIX): path for path in folder.glob(f"*{_XACRO_SUFFIX}")}
+    found |= {path.stem: path for path in (folder / "assemblies").glob(f"*{_ASSEMBLY_SUFFIX}")}
+    return dict(sorted(found.items()))
 
 
-def _require(name: str, known: tuple[str, ...]) -> None:
+def _require(name: str, known: Iterable[str]) -> None:
+    known = tuple(known)
     if name not in known:
         raise LegNotFoundError(
             f"there is no shipped mechanism {name[:80]!r}{nearest(name[:80], known)} "
-            f"(shipped: {', '.join(known) or 'none'}; a file needs its suffix .urdf or .xacro)",
+            f"(shipped: {', '.join(known) or 'none'}; a file needs its suffix .urdf, .xacro or .yaml)",
             name=name,
             known=known,
         )
@@ -64,11 +71,11 @@ def shipped_urdf(name: str) -> Path:
         For any other name; lists the names, nearest first.
     """
     _require(name, shipped_names())
-    return _folder("urdf") / f"{name}.urdf"
+    return shipped_folder("urdf") / f"{name}.urdf"
 
 
 def shipped_xacro(name: str) -> Path:
-    """Path of a shipped mechanism's xacro source.
+    """Path of a shipped mechanism's source: a xacro file, or an assembly of modules.
 
     Parameters
     ----------
@@ -85,8 +92,9 @@ def shipped_xacro(name: str) -> Path:
     LegNotFoundError
         For any other name; lists the names, nearest first.
     """
-    _require(name, _shipped_sources())
-    return _folder("xacro") / f"{name}{_XACRO_SUFFIX}"
+    sources = _shipped_sources()
+    _require(name, sources)
+    return sources[name]
 
 
 def existing_file(source: str | os.PathLike[str]) -> Path | None:

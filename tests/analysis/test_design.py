@@ -12,10 +12,11 @@ import yaml
 
 import leg_dynamics as ld
 from leg_dynamics.analysis.design import Filter, Objective, Range, Stage, StageResult, Study, gait_path, run
-from leg_dynamics.analysis.design.numbers import learn, limit_numbers
+from leg_dynamics.analysis.design.numbers import learn
 from leg_dynamics.analysis.design.poses import Family
 from leg_dynamics.analysis.design.study import Evaluator, Plan
 from leg_dynamics.analysis.workspace import PoseEvaluator, workspace
+from leg_dynamics.analysis.workspace.constraints import limit_numbers
 from leg_dynamics.errors import (
     LegDynamicsError,
     LegDynamicsWarning,
@@ -94,6 +95,7 @@ def test_sweep_designs():
 # How numbers depend on parameters.
 
 
+@pytest.mark.slow
 def test_numbers_are_those_of_the_rendered_design(hexapod):
     every = (
         *PRIMARY,
@@ -105,7 +107,7 @@ def test_numbers_are_those_of_the_rendered_design(hexapod):
     found = learn(hexapod, every)
     assert not isinstance(found, str)
     generator = np.random.default_rng(5)
-    for _ in range(3):
+    for _ in range(2):
         design = {each.name: float(generator.uniform(each.lower, each.upper)) for each in every}
         leg = hexapod.replace(**design)
         expected = limit_numbers(leg.description)
@@ -120,7 +122,7 @@ def test_poses_are_those_of_the_rendered_design(hexapod):
     numbers = learn(hexapod, PRIMARY)
     family = Family(hexapod, numbers, ())
     generator = np.random.default_rng(2)
-    for _ in range(3):
+    for _ in range(2):
         design = {each.name: float(generator.uniform(each.lower, each.upper)) for each in PRIMARY}
         evaluate = PoseEvaluator(hexapod.replace(**design))
         lower, upper, _ = evaluate.box()
@@ -214,7 +216,7 @@ def test_home_that_is_out_of_reach_has_no_chord(evaluator):
 def test_motion_and_mass_are_those_of_the_leg(hexapod):
     path = gait_path(hexapod, 2.0, 0.3, 0.1, support_force=(0.0, 0.0, -445.0), samples=40)
     names = ("peak_force", "peak_speed", "peak_power", "mass")
-    study = Study(hexapod, (Stage((Range("a", 0.15, 0.25), Range("b", 0.05, 0.1)), 3),), objectives=names, path=path)
+    study = Study(hexapod, (Stage((Range("a", 0.15, 0.25), Range("b", 0.05, 0.1)), 2),), objectives=names, path=path)
     rows = run(study).stages[0].rows
     leg = hexapod.replace(**rows[1].design)
     motion = path.to_joint(leg)
@@ -238,7 +240,7 @@ def test_path_outside_the_workspace_has_no_peak(hexapod):
 
 def test_own_objective(hexapod):
     own = Objective("low", "m", "foot at home", design_legs.least_height)
-    study = Study(hexapod, (Stage((Range("h", 0.6, 0.75),), 4),), objectives=(own,), filters=("low<=0.7",))
+    study = Study(hexapod, (Stage((Range("h", 0.6, 0.75),), 3),), objectives=(own,), filters=("low<=0.7",))
     stage = run(study).stages[0]
     for row in stage.rows:
         assert row.values["low"] == pytest.approx(row.design["h"], abs=1e-12)
@@ -271,7 +273,7 @@ def test_dear_objectives_wait_for_the_filters(hexapod):
 
 
 def test_impossible_designs_are_rows(hexapod):
-    ranges = (Range("a", -0.1, 0.3, 2), Range("l2_min", 0.5, 0.8, 2))
+    ranges = (Range("a", -0.02, 0.3, 2), Range("l2_min", 0.3, 0.8, 2))
     rows = run(Study(hexapod, (Stage(ranges),), objectives=("V",), tolerance=0.2)).stages[0].rows
     assert [row.status for row in rows] == ["failed", "ok", "ok", "failed"]
     for row in rows:
@@ -294,7 +296,7 @@ def test_empty_workspace_is_a_row(hexapod):
 def test_choice_and_files(hexapod, tmp_path):
     study = Study(
         hexapod,
-        (Stage(PRIMARY, 40), Stage((Range("c", 0.03, 0.1), Range("l1_max", 0.85, 0.95)), 20)),
+        (Stage(PRIMARY, 24), Stage((Range("c", 0.03, 0.1),), 8)),
         objectives=("L", "Z_b"),
         filters=("L>=1.0", "Z_b>=0.35", "l2_max<=0.78"),
         choose="max:L",
@@ -305,7 +307,7 @@ def test_choice_and_files(hexapod, tmp_path):
     result = run(study)
     first, second = result.stages
     accepted = [row for row in first.rows if row.accepted]
-    assert 0 < len(accepted) < 40
+    assert 1 < len(accepted) < 24
     for row in first.rows:
         inside = row.values["L"] >= 1.0 and row.values["Z_b"] >= 0.35 and row.design["l2_max"] <= 0.78
         assert row.accepted == inside
@@ -320,7 +322,7 @@ def test_choice_and_files(hexapod, tmp_path):
     files = {path.name: path for path in result.write(tmp_path / "out", figures=False)}
     assert {"designs.csv", "summary.json", "chosen.yaml", "chosen.urdf"} <= set(files)
     lines = files["designs.csv"].read_text(encoding="utf-8").splitlines()
-    assert len(lines) == 61
+    assert len(lines) == 33
     header = lines[0].split(",")
     assert header[:3] == ["stage", "index", "a [m]"]
     assert float(lines[1].split(",")[header.index("L [m]")]) == first.rows[0].values["L"]
@@ -359,7 +361,7 @@ def test_changed_leg_keeps_its_changes(hexapod):
 
 def test_parquet_is_the_table(hexapod, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow, of the extra parquet, is not installed")
-    result = run(Study(hexapod, (Stage(PRIMARY[:2], 5),), objectives=("L",), tolerance=0.1))
+    result = run(Study(hexapod, (Stage(PRIMARY[:1], 5),), objectives=("L",), tolerance=0.1))
     result.write(tmp_path, figures=False)
     assert parquet.read_table(tmp_path / "designs.parquet").to_pydict() == result.table()
 

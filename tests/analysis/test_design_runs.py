@@ -25,8 +25,8 @@ from . import design_legs
 RANGES = (Range("a", 0.1, 0.35), Range("l2_max", 0.45, 0.8))
 
 
-def make(samples=60, **changes):
-    given = {"objectives": ("V", "kbar", "L", "Z_b"), "filters": ("L>=1.0",), "tolerance": 0.05, "chunk": 5}
+def make(samples=24, **changes):
+    given = {"objectives": ("V", "kbar", "L", "Z_b"), "filters": ("L>=1.0",), "tolerance": 0.1, "chunk": 2}
     return Study(ld.load("hexapod_leg_preliminary"), (Stage(RANGES, samples),), **(given | changes))
 
 

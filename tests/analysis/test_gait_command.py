@@ -54,7 +54,9 @@ def test_everything_is_written(tmp_path):
     assert facts["body_height [m]"] == pytest.approx(0.72)
     assert facts["stability_margin [m]"]["least"] > 0.0
     assert len(facts["legs"]) == 6
-    assert len(facts["files"]) == 7
+    assert len(facts["files"]) == 9
+    assert facts["limits_hold"] is True
+    assert facts["nearest_limit"]["margin"] > 0.0
     assert (folder / "cycle.csv").is_file()
     assert "wave gait" in page.read_text(encoding="utf-8")
 
@@ -63,6 +65,26 @@ def test_parameters_go_to_the_robot_and_to_its_legs(tmp_path):
     light = json.loads(run("hexapod", *QUICK, "--json", "--set", "density=2700", "--set", "body_mass=30").stdout)
     steel = json.loads(run(shipped_urdf("hexapod"), "--leg", "hexapod_leg", *QUICK, "--json").stdout)
     assert light["mass [kg]"] < steel["mass [kg]"] - 30.0
+
+
+def test_limits_and_a_tilted_body(tmp_path):
+    page = tmp_path / "walk.html"
+    way = ("--tilt", "0.02,0.05", "--tilt-sine", "0,0.02", "--clearance", "0.06", *QUICK)
+    result = run("hexapod", *way, "--html", page)
+    assert result.exit_code == 0
+    assert "roll 0.02 ... 0.02 rad, pitch 0.03 ... 0.07 rad" in result.stdout
+    assert "clearance front_right_sleeves_1_3" in result.stdout
+    assert "BROKEN" not in result.stdout
+    assert "nearest limit clearance front_right_sleeves_1_3" in page.read_text(encoding="utf-8")
+    tight = ("--set", "universal_range=12")
+    broken = json.loads(run("hexapod", *way, *tight, "--ignore-limits", "--json").stdout)
+    assert broken["limits_hold"] is False
+    assert broken["nearest_limit"]["unit"] == "rad"
+    assert broken["nearest_limit"]["margin"] < 0.0
+    assert "BROKEN" in run("hexapod", *way, *tight, "--ignore-limits").stdout
+    refused = run("hexapod", *way, *tight)
+    assert refused.exit_code == 2
+    assert "breaks its limit" in " ".join(refused.stderr.split())
 
 
 @pytest.mark.parametrize(
@@ -76,6 +98,8 @@ def test_parameters_go_to_the_robot_and_to_its_legs(tmp_path):
         (("hexapod", "--law", "spline"), "path law"),
         (("hexapod", "--load", "heavy"), "load must be"),
         (("hexapod", "--samples", "1"), "samples"),
+        (("hexapod", "--tilt", "0.1"), "2 finite numbers"),
+        (("hexapod", "--tilt", "1.6,0"), "right angle"),
         (("hexapod", "--stride", "1.5"), "front_right"),
         (("hexapod", "--stride", "0.8", "--period", "2"), "support polygon"),
         (("hexapod", "--leg", "hexapod_leg_preliminary"), "neither 'hexapod_leg_preliminary'"),

@@ -409,7 +409,7 @@ def test_the_cycle_is_written(tripod, tmp_path):
     assert len(rows) == tripod.time.size
     assert float(rows[10]["front_left_l2 [m]"]) == pytest.approx(tripod.limbs[1].trajectory.q[10, 1], rel=1e-10)
     assert float(rows[10]["tau_front_left_drive_2 [N]"]) == pytest.approx(tripod.limbs[1].effort[10, 1], rel=1e-10)
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written[2:])
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written[3:])
 
 
 def test_toy_studies_are_reported_too():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from leg_dynamics.analysis.gait import LAWS, PhaseTable, Sway, Twist, Walk, plan
+from leg_dynamics.analysis.gait import LAWS, PhaseTable, Sway, Tilt, Twist, Walk, plan
 from leg_dynamics.analysis.gait.laws import law
 from leg_dynamics.errors import LegDynamicsError, NonFiniteError, ShapeError, TrajectoryError
 
@@ -14,18 +14,19 @@ from .gait_robots import HEIGHT, toy_robot
 RNG = np.random.default_rng(7)
 TWISTS = [Twist(0.2), Twist(0.1, -0.07), Twist(0.15, 0.05, 0.4), Twist(0.0, 0.0, -0.7), Twist(0.1, 0.0, 1e-9)]
 SWAY = Sway(RNG.normal(size=(2, 3)) * 0.01, RNG.normal(size=(2, 3)) * 0.01)
+TILT = Tilt(0.1, -0.2, RNG.normal(size=(2, 2)) * 0.05, RNG.normal(size=(2, 2)) * 0.05)
 
 
-def walk(twist, sway=None, name="polynomial", table=None):
+def walk(twist, sway=None, name="polynomial", table=None, tilt=None):
     table = table or PhaseTable((0.0, 0.3, 0.55, 0.9), 0.7)
     homes = np.array([[0.4, 0.3, -0.5], [0.4, -0.3, -0.5], [-0.4, 0.3, -0.5], [-0.4, -0.3, -0.45]])
-    return Walk(table, homes, 1.7, twist, 0.08, name, sway)
+    return Walk(table, homes, 1.7, twist, 0.08, name, sway, tilt)
 
 
 @pytest.mark.parametrize("twist", TWISTS)
-@pytest.mark.parametrize("sway", [None, SWAY])
-def test_standing_feet_are_fixed_in_the_world(twist, sway):
-    motion = walk(twist, sway)
+@pytest.mark.parametrize(("sway", "tilt"), [(None, None), (SWAY, None), (None, Tilt(0.2, 0.1)), (SWAY, TILT)])
+def test_standing_feet_are_fixed_in_the_world(twist, sway, tilt):
+    motion = walk(twist, sway, tilt=tilt)
     time = np.linspace(0.0, 3.0 * motion.period, 2001)
     world, standing = motion.in_world(time, motion.feet(time).position), motion.in_stance(time)
     for leg in range(4):
@@ -38,8 +39,9 @@ def test_standing_feet_are_fixed_in_the_world(twist, sway):
 
 @pytest.mark.parametrize("twist", TWISTS)
 @pytest.mark.parametrize("name", LAWS)
-def test_rates_are_derivatives(twist, name):
-    motion, h = walk(twist, SWAY, name), 1e-5
+@pytest.mark.parametrize("tilt", [None, TILT])
+def test_rates_are_derivatives(twist, name, tilt):
+    motion, h = walk(twist, SWAY, name, tilt=tilt), 1e-5
     time = RNG.uniform(0.0, 5.0, 400)
     feet, before, after = motion.feet(time), motion.feet(time - h), motion.feet(time + h)
     # A step across a touch-down sees the jerk jump.
@@ -91,15 +93,46 @@ def test_the_body_is_where_the_integral_of_its_twist_puts_it():
 
 
 @pytest.mark.parametrize("twist", TWISTS)
-def test_the_body_accelerates_as_its_points_in_the_world_do(twist):
-    motion, h, point = walk(twist, SWAY), 1e-4, np.array([0.3, -0.2, 0.1])
+@pytest.mark.parametrize("tilt", [None, Tilt(0.3, -0.2), TILT])
+def test_the_body_accelerates_as_its_points_in_the_world_do(twist, tilt):
+    motion, h, point = walk(twist, SWAY, tilt=tilt), 1e-4, np.array([0.3, -0.2, 0.1])
     time = np.linspace(0.1, 1.5, 20)
     p = [motion.in_world(t, np.broadcast_to(point, (20, 1, 3)))[:, 0] for t in (time - h, time, time + h)]
     world = (p[0] - 2 * p[1] + p[2]) / h**2
-    turned = twist.turned(time)
-    body = motion.body(time).acceleration_at(point)
-    plane = np.einsum("tij,tj->ti", turned, body[:, :2])
-    assert np.abs(np.column_stack([plane, body[:, 2]]) - world).max() < 1e-5
+    body = motion.body(time)
+    level = body.level(body.acceleration_at(point))
+    plane = np.einsum("tij,tj->ti", twist.turned(time), level[:, :2])
+    assert np.abs(np.column_stack([plane, level[:, 2]]) - world).max() < 1e-5
+
+
+def test_a_tilt_turns_by_pitch_then_roll():
+    from scipy.spatial.transform import Rotation
+
+    body = walk(Twist(0.1), tilt=TILT).body(np.linspace(0.0, 1.7, 7))
+    roll, pitch = TILT.value(np.linspace(0.0, 1.0, 7), 1.7).T
+    expected = Rotation.from_euler("ZYX", np.column_stack([0.0 * roll, pitch, roll])).as_matrix()
+    assert np.abs(body.rotation - expected).max() < 1e-15
+    assert np.abs(body.in_body(body.level(np.eye(7, 3))) - np.eye(7, 3)).max() < 1e-15
+    # A positive pitch lowers the head, a positive roll the right side.
+    for tilt, low in ((Tilt(pitch=0.1), [1.0, 0.0, 0.0]), (Tilt(roll=0.1), [0.0, -1.0, 0.0])):
+        still = walk(Twist(0.1), tilt=tilt).body(np.zeros(1))
+        assert still.level(np.array([low]))[0, 2] == pytest.approx(-np.sin(0.1))
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        ({"roll": 1.6}, TrajectoryError),
+        ({"pitch": -1.0, "sine": [[0.0, 0.6]]}, TrajectoryError),
+        ({"roll": float("nan")}, NonFiniteError),
+        ({"cosine": np.zeros((1, 3)), "sine": np.zeros((1, 3))}, ShapeError),
+        ({"cosine": np.zeros((2, 2))}, ShapeError),
+        ({"sine": [[0.0, np.inf]]}, NonFiniteError),
+    ],
+)
+def test_bad_tilts_are_named(change, error):
+    with pytest.raises(error):
+        Tilt(**change)
 
 
 def test_stride_and_velocity_are_two_views_of_one_walk():

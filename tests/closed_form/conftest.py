@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -94,3 +96,12 @@ def symbols():
     """CasADi symbols q, v, a, gravity as tuples of scalars."""
     casadi = pytest.importorskip("casadi")
     return tuple(tuple(casadi.SX.sym(f"{name}{i}") for i in range(3)) for name in ("q", "v", "a", "g"))
+
+
+@pytest.fixture(scope="session")
+def quadruped_lab():
+    """Builders of quadruped legs."""
+    spec = importlib.util.spec_from_file_location("quadruped_lab", Path(__file__).with_name("quadruped_lab.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -9,7 +9,14 @@ import pytest
 import leg_dynamics as ld
 from leg_dynamics.closed_form import hexapod_leg as hexapod
 from leg_dynamics.description import read
-from leg_dynamics.errors import JointLimitError, NonFiniteError, OutOfReachError, RouteError, SingularityError
+from leg_dynamics.errors import (
+    AssemblyError,
+    JointLimitError,
+    NonFiniteError,
+    OutOfReachError,
+    RouteError,
+    SingularityError,
+)
 
 X = (0.25, 0.2, 0.65)
 LENGTHS = (0.72457, 0.39877, 0.68439)
@@ -231,10 +238,61 @@ def test_named_errors_of_the_interface():
     assert caught.value.margin == pytest.approx(0.9 - np.linalg.norm([0.1, 0.1, 1.3]))
     with pytest.raises(NonFiniteError):
         leg.inverse_kinematics([0.1, np.nan, 0.3])
-    for q in ([0.55, 0.4, 0.9], [0.55, -0.4, 0.6], [0.55, 0.9, 0.6]):
-        with pytest.raises(SingularityError) as failed:
-            leg.foot_position(q)
-        assert failed.value.margin < 0
+    with pytest.raises(SingularityError) as failed:
+        leg.foot_position([0.7, leg.numbers["a"] + np.hypot(leg.numbers["b"], leg.numbers["e"]), 0.7])
+    assert abs(failed.value.margin) < 1e-12
     rows = leg.foot_position([[0.55, 0.4, 0.9], [0.7, 0.45, 0.7]], on_error="nan")
     assert np.isnan(rows[0]).all()
     assert np.isfinite(rows[1]).all()
+
+
+def test_lengths_close_inside_their_ranges_only(leg):
+    q = np.random.default_rng(4).uniform([0.3, 0.1, 0.1], [1.0, 0.9, 1.3], (20_000, 3))
+    with np.errstate(invalid="ignore"):
+        margins = np.min(hexapod.assembly_margins(leg, tuple(q.T)), axis=0)
+        ranges = hexapod.assembly_ranges(leg, tuple(q.T))
+        inside = np.all([(low <= x) & (x <= high) for x, (low, high) in zip(q.T, ranges, strict=True)], axis=0)
+    assert 2000 < inside.sum() < 18_000
+    assert np.array_equal(inside, margins >= 0.0)
+
+
+@pytest.mark.parametrize(
+    ("q", "name", "limit"),
+    [
+        ([0.55, 0.9, 0.6], "l2", 0.2 + np.hypot(0.07, 0.45)),
+        ([0.7, 0.2, 0.7], "l2", np.hypot(0.07, 0.45) - 0.2),
+        ([0.55, 0.4, 0.9], "l3", None),
+        ([0.7, 0.45, 0.2], "l3", None),
+        ([0.55, -0.4, 0.6], "l2", np.hypot(0.07, 0.45) - 0.2),
+        ([-0.7, 0.45, 0.7], "l1", 0.0),
+    ],
+)
+def test_lengths_that_cannot_close_are_an_assembly_error_by_every_route(q, name, limit):
+    leg = ld.load("hexapod_leg")
+    with pytest.raises(AssemblyError, match=f"{name} must lie in") as failed:
+        leg.foot_position(q)
+    error = failed.value
+    value = q[int(name[1]) - 1]
+    assert (error.coordinate, error.value) == (name, value)
+    assert error.margin == pytest.approx(-abs(value - error.limit))
+    if limit is not None:
+        assert error.limit == pytest.approx(limit, abs=1e-12)
+    else:
+        # At the limit it closes: just inside the same lengths have a foot, with strut 3 that long.
+        q[2] = error.limit + 1e-6 * np.sign(0.7 - error.limit)
+        assert np.isfinite(leg.foot_position(q)).all()
+        q[2] = value
+    for route in ("pinocchio", "symbolic"):
+        with pytest.raises(AssemblyError):
+            ld.load("hexapod_leg", route=route).foot_position(q)
+
+
+def test_a_batch_names_each_kind_of_row():
+    leg = ld.load("hexapod_leg")
+    q = np.array([[0.7, 0.45, 0.7], [0.7, 0.8, 0.7], [0.7, 0.2 + np.hypot(0.07, 0.45), 0.7], [0.7, 0.45, 1.2]])
+    with pytest.raises(AssemblyError, match="2 with AssemblyError, the rest with SingularityError") as failed:
+        leg.torque(q, np.zeros(3), np.zeros(3))
+    assert failed.value.rows.tolist() == [1, 3]
+    assert failed.value.all_rows.tolist() == [1, 2, 3]
+    assert (failed.value.margin < 0.0).all()
+    assert np.isnan(leg.foot_position(q, on_error="nan")).any(axis=1).tolist() == [False, True, True, True]

@@ -14,7 +14,10 @@ from leg_dynamics.description import read
 
 COUNT = 1000
 SCALARS = ("alpha", "beta", "h", "limit")
-NOT_A_FORMULA_OF_A_LEG = {"from_urdf", "mean_condition_number", "hip_points", "body_motions", "composite_parameters"}
+NOT_A_FORMULA_OF_A_LEG = {
+    *("from_urdf", "mean_condition_number", "hip_points", "body_motions"),
+    *("composite_parameters", "base_parameters"),
+}
 FORMULAS = sorted(
     name
     for name in hexapod.__all__

@@ -337,3 +337,59 @@ def test_the_names_in_an_error_are_at_most_a_line(rod: Path) -> None:
     with pytest.raises(ParameterError, match=r"p17 and 13 more\)") as caught:
         render(rod, {"L2": 1.0})
     assert len(caught.value.known) == 33  # type: ignore[attr-defined]
+
+
+TWO_FILES = """<robot name="two" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:arg name="parameters" default="first.yaml;second.yaml"/>
+<xacro:property name="one" value="${xacro.load_yaml('$(arg parameters)'.split(';')[0])}" lazy_eval="false"/>
+<xacro:property name="other" value="${xacro.load_yaml('$(arg parameters)'.split(';')[-1])}" lazy_eval="false"/>
+<link name="a"><inertial><mass value="${one.m.value + 10*other.n.value}"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>
+"""
+
+
+@pytest.fixture
+def two_files(tmp_path: Path) -> Path:
+    (tmp_path / "first.yaml").write_text("m: {value: 1.0, unit: kg, source: Table 1}\n")
+    (tmp_path / "second.yaml").write_text("n: {value: 2.0, unit: kg, source: Table 2}\n")
+    path = tmp_path / "two.urdf.xacro"
+    path.write_text(TWO_FILES)
+    return path
+
+
+def _mass(path: Path, **parameters: float) -> float:
+    inertial = read(path, parameters=parameters).link("a").inertial
+    assert inertial is not None
+    return inertial.mass
+
+
+def test_several_parameter_files(two_files: Path) -> None:
+    description = read(two_files, parameters={"n": 3.0})
+    assert {name: (each.value, each.source) for name, each in description.parameters.items()} == {
+        "m": (1.0, "Table 1"),
+        "n": (3.0, "Table 2"),
+    }
+    assert _mass(two_files) == 21.0
+    assert _mass(two_files, n=3.0) == 31.0
+    assert _mass(two_files, m=4.0, n=3.0) == 34.0
+    with pytest.raises(ParameterError, match="no parameter 'parameters'"):
+        render(two_files, {"parameters": 1.0})
+
+
+def test_a_parameter_in_two_files_is_named(two_files: Path) -> None:
+    two_files.with_name("second.yaml").write_text("m: {value: 2.0}\nn: {value: 2.0}\n")
+    with pytest.raises(ParameterError, match=r"second\.yaml: parameter 'm' is in first\.yaml as well"):
+        render(two_files)
+
+
+@pytest.mark.parametrize(
+    ("default", "message"),
+    [
+        ("first.yaml;third.yaml", r"'third\.yaml' does not exist"),
+        ("first.yaml;first.yaml", r"'first\.yaml' is named twice"),
+    ],
+)
+def test_bad_lists_of_parameter_files(two_files: Path, default: str, message: str) -> None:
+    two_files.write_text(TWO_FILES.replace("first.yaml;second.yaml", default))
+    with pytest.raises(RenderError, match=message):
+        render(two_files)

@@ -12,7 +12,19 @@ import pytest
 
 import leg_dynamics as ld
 from leg_dynamics.papers.framework import Context, Status
-from leg_dynamics.papers.hexapod_leg import claims, facts, figures, gait, printed, reported, screws, study, trends
+from leg_dynamics.papers.hexapod_leg import (
+    brute_force,
+    claims,
+    facts,
+    figures,
+    gait,
+    printed,
+    reported,
+    screws,
+    second,
+    study,
+    trends,
+)
 
 # The independent audit: volume (m³), L, Z_f, Z_b (m), kbar and ktilde by the exact and by the printed Jacobian.
 AUDIT = {
@@ -38,7 +50,15 @@ def verdicts():
     return known()[1]
 
 
-KEPT = ("hexapod: states", "hexapod: facts", "hexapod: preliminary leg", "hexapod: workspace of")
+KEPT = (
+    "hexapod: states",
+    "hexapod: facts",
+    "hexapod: preliminary leg",
+    "hexapod: workspace of",
+    "hexapod: robot again",
+    "hexapod: walk again",
+    "hexapod: means by force",
+)
 
 
 def fresh():
@@ -77,6 +97,53 @@ def test_both_designs_against_the_audit(name):
 def test_checks_hold():
     context = known()[0]
     assert [check(context).state for check in study.CHECKS] == ["holds"] * 3
+
+
+def test_second_calculations_agree():
+    context = known()[0]
+    assert [check(context).state for check in second.CHECKS] == ["holds"] * len(second.CHECKS)
+
+
+def test_second_calculations_notice_what_is_wrong(monkeypatch):
+    """A tenth of a millimetre in a speed, two in a length, one per cent in k: each check fails."""
+    context = known()[0]
+    own = Context("hexapod_leg", seed=context.seed, samples=context.samples, shared=dict(context.shared))
+    for check in second.CHECKS:
+        assert check(own).passed
+    del own.shared["hexapod: difference of the gaits"]
+    period, stride, lift = gait.ASSUMED[0]
+    cycle = gait.walk(own, period, stride, lift)
+    own.shared[f"hexapod: walk {period} {stride} {lift}"] = replace(cycle, rates=cycle.rates + 1e-4)
+    assert not second.gaits_agree(own).passed
+    drawn = study.monte_carlo(own)
+    length = drawn.steps.length + np.where(np.arange(len(drawn.values)) == 7, 2e-3, 0.0)
+    moved = drawn._replace(steps=drawn.steps._replace(length=length), mean=1.02 * drawn.mean)
+    own.shared["hexapod: Monte Carlo"] = moved
+    del own.shared["hexapod: chords by force"]
+    monkeypatch.setattr(second, "CHORDS", 20)
+    assert not second.steps_of_designs_agree(own).passed
+    assert not second.dexterity_of_designs_agree(own).passed
+    assert not second.chords_agree(own).passed
+    means = {value: mean._replace(value=1.04 * mean.value) for value, mean in second.brute_means(own).items()}
+    own.shared["hexapod: means by force"] = means
+    assert not second.means_agree(own).passed
+
+
+def test_brute_force_has_the_lengths_and_limits_of_the_leg():
+    """Against the leg's file by the numeric route: lengths by inverse kinematics, limits by their margins."""
+    from leg_dynamics.analysis.workspace import margins
+
+    leg = ld.load("hexapod_leg", route="pinocchio")
+    design = study.design_of(leg)
+    p = np.random.default_rng(3).uniform([-0.6, -0.6, 0.3], [0.6, 0.6, 0.9], (200, 3))
+    lengths, feasible = brute_force.lengths_and_feasible(design, p)
+    q = ld.load("hexapod_leg").inverse_kinematics(p, limits="ignore")
+    np.testing.assert_allclose(lengths, q, atol=1e-12)
+    named = {name: value for name, value in margins(leg, q).items() if not name.startswith(facts.BEYOND_THE_PAPER)}
+    assert np.array_equal(feasible, np.min(list(named.values()), axis=0) >= 0.0)
+    assert 40 < feasible.sum() < 160
+    x = brute_force.chord(design)
+    assert x == pytest.approx(float(study.steps(known()[0], design).length), abs=2.0 * brute_force.MARCH)
 
 
 def test_the_spread_covers_a_finer_estimate():

@@ -1,23 +1,22 @@
 """One kernel for a pose of any design: its worst margin, condition number, det J and foot, numbers as inputs.
 
 The margins are those of `leg_dynamics.analysis.workspace.constraints` with every number of a constraint a symbol, so
-that thousands of designs share one piece of machine code; tests hold the two against each other.
+that thousands of designs share one piece of machine code.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from leg_dynamics.analysis.design.numbers import NumberMap
-from leg_dynamics.analysis.dexterity import _conditioning_program
-from leg_dynamics.analysis.workspace.constraints import _segment_distance, constraints_of
+from leg_dynamics.analysis.dexterity import conditioning_program
+from leg_dynamics.analysis.workspace.constraints import constraints_of, margin_formulas
 
 if TYPE_CHECKING:
-    from leg_dynamics.description.model import Description, Joint
     from leg_dynamics.kernels import Kernel
     from leg_dynamics.leg import Leg
 
@@ -26,7 +25,9 @@ __all__ = ["OUTPUTS", "PoseKernels"]
 OUTPUTS = ("worst", "condition", "volume", "x", "y", "z")
 """Of a pose: the smallest normalised margin, k, det J (m^3 per the coordinates' units), the foot (m, hip frame)."""
 
-_ROUNDING = 1e-15
+_SOURCES = ("analysis.design.graphs", "analysis.dexterity", "analysis.workspace.constraints", "description")
+"""What the kernels come from, beside the leg's formulas."""
+
 _SAME_PLACE = 1e-6
 """m; a branch of the inverse kinematics whose foot is elsewhere belongs to another assembly mode."""
 
@@ -60,8 +61,8 @@ class PoseKernels:
         self.leg, self.numbers, self.scales = leg, numbers, scales
         self.wanted = [each.name for each in constraints_of(leg.description, ignore)]
         backend: Any = leg.backend
-        rooms = (source_fingerprint(f"leg_dynamics.{room}") for room in ("analysis", "description"))
-        made_from = key_of(backend.kernels.ingredients, repr((numbers.names, self.wanted, scales.tolist())), *rooms)
+        sources = (source_fingerprint(f"leg_dynamics.{place}") for place in _SOURCES)
+        made_from = key_of(backend.kernels.ingredients, repr((numbers.names, self.wanted, scales.tolist())), *sources)
         self.poses: Kernel = kernel("design_pose", key_of(made_from, "pose"), self._pose_program)
         self.feet: Mapping[str, Kernel] = {
             branch: kernel(
@@ -91,13 +92,14 @@ class PoseKernels:
         coordinates = {name: tree[k] for k, name in enumerate(self.leg.tree_joint_names)}
         known = dict(zip(self.numbers.names, (symbols[k] for k in range(symbols.numel())), strict=True))
         worst = casadi.SX(np.inf)
-        for name, (margin, scale) in _margins(self.leg.description, known, coordinates).items():
-            if name in self.wanted:
-                worst = margin / scale if worst.is_constant() else casadi.fmin(worst, margin / scale)
+        margins, scales = margin_formulas(self.leg.description, known, coordinates)
+        for name in self.wanted:
+            normalised = margins[name] / scales[name]
+            worst = normalised if worst.is_constant() else casadi.fmin(worst, normalised)
         if worst.is_constant():  # nothing limits the leg; infinity would fail the row
             worst = casadi.SX(1.0)
         smallest, largest, determinant = casadi.vertsplit(
-            _conditioning_program().formula(jacobian, casadi.SX(casadi.DM(self.scales)))[0]
+            conditioning_program().formula(jacobian, casadi.SX(casadi.DM(self.scales)))[0]
         )
         return casadi.vertcat(worst, largest / smallest, determinant, foot), guards
 
@@ -127,96 +129,3 @@ class PoseKernels:
         graph = casadi.Function("design_foot", [p, symbols], casadi.cse([outputs, casadi.vertcat(reach, guards)]))
         arguments = (Argument("p", (3,)), Argument("numbers", (len(self.numbers.names),)))
         return Program("design_foot", arguments, (Argument("pose", (len(OUTPUTS) + 3,)),), graph)
-
-
-def _margins(
-    description: Description, known: Mapping[str, Any], coordinates: Mapping[str, Any]
-) -> dict[str, tuple[Any, Any]]:
-    """Margin and scale of every constraint, by the name that `constraints_of` gives it."""
-    import casadi
-
-    found: dict[str, tuple[Any, Any]] = {}
-    for joint in description.joints:
-        low, high = known.get(f"{joint.name}.lower"), known.get(f"{joint.name}.upper")
-        if joint.name not in coordinates or (low is None and high is None):
-            continue
-        scale = _range(low, high)
-        if low is not None:
-            found[f"{joint.name} lower limit"] = (coordinates[joint.name] - low, scale)
-        if high is not None:
-            found[f"{joint.name} upper limit"] = (high - coordinates[joint.name], scale)
-    place = _Places(description, known, coordinates)
-    for cone in description.cones:
-        name = f"cone {cone.name}"
-        first, second = place.of(cone.link, cone.other_link)
-        a, b = first[0] @ _vector(known, f"{name}.axis"), second[0] @ _vector(known, f"{name}.other")
-        angle = casadi.atan2(casadi.sqrt(casadi.sumsqr(casadi.cross(a, b))), casadi.dot(a, b))
-        found[name] = (known[f"{name}.upper"] - angle, known[f"{name}.upper"])
-    for telescope in description.telescopes:
-        name = f"telescope {telescope.joint}"
-        length = known[f"{name}.sleeve"] + known[f"{name}.rod"] - known[f"{name}.overlap"]
-        limits = (known.get(f"{telescope.joint}.{side}") for side in ("lower", "upper"))
-        found[name] = (length - coordinates[telescope.joint], _range(*limits))
-    for clearance in description.clearances:
-        name = f"clearance {clearance.name}"
-        poses = place.of(clearance.first.link, clearance.second.link)
-        ends = []
-        for side, (rotation, origin) in zip(("first", "second"), poses, strict=True):
-            ends += [rotation @ _vector(known, f"{name}.{side}.{end}") + origin for end in ("start", "end")]
-        apart = known[f"{name}.first.radius"] + known[f"{name}.second.radius"] + known[f"{name}.minimum"]
-        # Without radii the scale is arbitrary; a metre does, since only the sign of the worst margin counts here.
-        found[name] = (_segment_distance(*ends) - apart, casadi.if_else(apart > 0.0, apart, 1.0))
-    return found
-
-
-def _range(low: Any, high: Any) -> Any:
-    return 1.0 if low is None or high is None else (high - low) / 2.0
-
-
-def _vector(known: Mapping[str, Any], name: str) -> Any:
-    import casadi
-
-    return casadi.vertcat(*(known[f"{name}.{axis}"] for axis in "xyz"))
-
-
-class _Places:
-    """Poses of links on symbols."""
-
-    def __init__(self, description: Description, known: Mapping[str, Any], coordinates: Mapping[str, Any]) -> None:
-        self.description, self.known, self.coordinates = description, known, coordinates
-
-    def of(self, first: str, second: str) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-        """Rotation and origin of two links in the frame of their nearest common ancestor."""
-        paths = [self.description.path(link) for link in (first, second)]
-        shared = 0
-        for one, other in zip(*paths, strict=False):
-            if one.name != other.name:
-                break
-            shared += 1
-        one, other = (self._along(path[shared:]) for path in paths)
-        return one, other
-
-    def _along(self, path: Sequence[Joint]) -> tuple[Any, Any]:
-        import casadi
-
-        rotation, origin = casadi.SX.eye(3), casadi.SX.zeros(3)
-        for joint in path:
-            origin = origin + rotation @ _vector(self.known, f"{joint.name}.origin")
-            rotation = rotation @ _constant(joint.origin.rotation())
-            if joint.type == "fixed":
-                continue
-            value, axis = self.coordinates[joint.name], np.array(joint.axis)
-            if joint.type == "prismatic":
-                origin = origin + rotation @ casadi.DM(axis) * value
-                continue
-            x, y, z = axis
-            along, cross = np.outer(axis, axis), np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-            still, turning, turned = map(_constant, (along, cross, np.eye(3) - along))
-            rotation = rotation @ (still + casadi.sin(value) * turning + casadi.cos(value) * turned)
-        return rotation, origin
-
-
-def _constant(matrix: np.ndarray) -> Any:
-    import casadi
-
-    return casadi.sparsify(casadi.DM(np.where(np.abs(matrix) < _ROUNDING, 0.0, matrix)))

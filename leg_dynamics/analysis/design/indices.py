@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from leg_dynamics.analysis.design.poses import OnePose
-from leg_dynamics.analysis.workspace.sampling import _sequence
+from leg_dynamics.analysis.workspace.sampling import sobol_sequence
 
 __all__ = ["DEXTERITY", "STEP", "Sampler", "dexterity_indices", "half_widths", "step_indices"]
 
@@ -44,7 +44,7 @@ class Sampler:
     """
 
     def __init__(self, dimensions: int, count: int, seed: int) -> None:
-        self.points = _sequence(dimensions, seed).random(count)
+        self.points = sobol_sequence(dimensions, seed).random(count)
 
 
 def _inside(rows: np.ndarray, sign: float) -> np.ndarray:

@@ -9,9 +9,7 @@ and is used only if renderings at random designs in between confirm it to 1e-13;
 from __future__ import annotations
 
 import contextlib
-import math
 import warnings
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -19,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from leg_dynamics.analysis.dexterity import home_coordinates
+from leg_dynamics.analysis.workspace.constraints import limit_numbers
 from leg_dynamics.errors import LegDynamicsError, LegDynamicsWarning
 
 if TYPE_CHECKING:
@@ -26,14 +25,13 @@ if TYPE_CHECKING:
     from leg_dynamics.description.model import Description
     from leg_dynamics.leg import Leg
 
-__all__ = ["NumberMap", "build", "kinematic_numbers", "learn", "limit_numbers", "read"]
+__all__ = ["NumberMap", "build", "kinematic_numbers", "learn", "read"]
 
 _AGREE = 1e-13
 """Relative to 1 + magnitude: rounding of a sum of some ten products."""
 
 _CHECKS = 3
 _TRIES = 8
-_AXES = "xyz"
 
 
 def read(leg: Leg, parameters: Mapping[str, float]) -> Description:
@@ -55,53 +53,6 @@ def _without_warnings() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LegDynamicsWarning)
         yield
-
-
-def limit_numbers(description: Description) -> dict[str, float]:
-    """Every number that the constraints are made of, by name, SI units.
-
-    Limits of joints with one coordinate, places of all joints, cones with their axes at the length that the file gives
-    them (only the direction counts, but the unit vector would not be affine), telescopes and clearances.
-    """
-    found: dict[str, float] = {}
-    for joint in description.joints:
-        if joint.is_single_coordinate:
-            for side in ("lower", "upper"):
-                bound = getattr(joint.limits, side)
-                if math.isfinite(bound):
-                    found[f"{joint.name}.{side}"] = bound
-        found |= _vector(f"{joint.name}.origin", joint.origin.xyz)
-    if description.cones:
-        axes = _cone_axes(description)
-        for cone in description.cones:
-            found[f"cone {cone.name}.upper"] = cone.upper
-            for side, axis in zip(("axis", "other"), axes[cone.name], strict=True):
-                found |= _vector(f"cone {cone.name}.{side}", axis)
-    for telescope in description.telescopes:
-        for part in ("sleeve", "rod", "overlap"):
-            found[f"telescope {telescope.joint}.{part}"] = getattr(telescope, part)
-    for clearance in description.clearances:
-        name = f"clearance {clearance.name}"
-        found[f"{name}.minimum"] = clearance.minimum
-        for side in ("first", "second"):
-            segment = getattr(clearance, side)
-            found[f"{name}.{side}.radius"] = segment.radius
-            found |= _vector(f"{name}.{side}.start", segment.start) | _vector(f"{name}.{side}.end", segment.end)
-    return found
-
-
-def _vector(name: str, values: Sequence[float]) -> dict[str, float]:
-    return {f"{name}.{axis}": float(value) for axis, value in zip(_AXES, values, strict=True)}
-
-
-def _cone_axes(description: Description) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
-    # The text was validated when it was read: no entities, every element in place.
-    found = {}
-    for node in ET.fromstring(description.urdf).iter("cone"):
-        texts = [axis.attrib["xyz"] for axis in node.iter("axis")]
-        one, other = (tuple(float(part) for part in text.split()) for text in texts)
-        found[node.attrib["name"]] = (one, other)
-    return found
 
 
 def _structure(description: Description) -> tuple[Any, ...]:
@@ -187,7 +138,7 @@ def _numbers(leg: Leg, description: Description, kinematic: tuple[str, ...]) -> 
     found = limit_numbers(description) | {f"route {name}": own[name] for name in kinematic}
     q = home_coordinates(_Described(leg.joint_names, description))  # type: ignore[arg-type]
     foot = backend.kernel("foot_position", kinematic).ufunc(q, np.array([own[name] for name in kinematic]))
-    return found | _vector("home", foot.tolist())
+    return found | {f"home.{axis}": float(value) for axis, value in zip("xyz", foot, strict=True)}
 
 
 def learn(leg: Leg, ranges: Sequence[Range], seed: int = 0) -> NumberMap | str:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Iterable
 from html import escape
 
 from leg_dynamics.analysis.design.figures import caption, study_figures
 from leg_dynamics.analysis.design.result import StageResult, StudyResult
-from leg_dynamics.analysis.workspace.page import _STYLE, _table
+from leg_dynamics.analysis.pages import drawing, html_page, table
 
 __all__ = ["render_page"]
 
@@ -37,29 +35,12 @@ def render_page(result: StudyResult) -> str:
     chosen = result.chosen_parameters()
     if chosen is not None:
         rows = [(name, f"{value:.6g}", study.leg.parameters[name].unit) for name, value in chosen.items()]
-        body += ["<h2>Chosen design</h2>", *_table(("parameter", "value", "unit"), rows)]
+        body += ["<h2>Chosen design</h2>", *table(("parameter", "value", "unit"), rows)]
     for name, figure in study_figures(result).items():
-        picture = io.BytesIO()
-        figure.savefig(picture, format="svg", metadata={"Date": None})
-        data = base64.b64encode(picture.getvalue()).decode("ascii")
-        words = escape(caption(name))
-        body.append(
-            f'<figure><img alt="{words}" src="data:image/svg+xml;base64,{data}">'
-            f"<figcaption>{words}</figcaption></figure>"
-        )
+        body += drawing(figure, caption(name))
     meanings = [(each.name, each.unit, each.meaning) for each in study.objectives]
-    body += ["<h2>Objectives</h2>", *_table(("name", "unit", "meaning"), meanings)]
-    policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-    return "\n".join(
-        [
-            '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">',
-            f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>Design study of {escape(study.leg.name)}</title><style>{_STYLE}</style></head><body>",
-            *body,
-            "</body></html>\n",
-        ]
-    )
+    body += ["<h2>Objectives</h2>", *table(("name", "unit", "meaning"), meanings)]
+    return html_page(f"Design study of {study.leg.name}", body)
 
 
 def _stage(stage: StageResult) -> Iterable[str]:
@@ -81,4 +62,4 @@ def _stage(stage: StageResult) -> Iterable[str]:
         )
         for name in {**facts["medians"], **percentiles}
     ]
-    yield from _table(("", "median of all", "accepted p10", "p50", "p90"), rows)
+    yield from table(("", "median of all", "accepted p10", "p50", "p90"), rows)

@@ -14,13 +14,15 @@ from __future__ import annotations
 
 from leg_dynamics.analysis.gait.forces import LoadSharing, share_load
 from leg_dynamics.analysis.gait.laws import LAWS
+from leg_dynamics.analysis.gait.limits import LimitMargin
 from leg_dynamics.analysis.gait.phases import GAITS, PhaseTable, phase_table, swing_order
+from leg_dynamics.analysis.gait.picture import Picture, picture
 from leg_dynamics.analysis.gait.reading import robot_from
 from leg_dynamics.analysis.gait.report import FILES, columns, summary, write
 from leg_dynamics.analysis.gait.robot import GaitLeg, Limb, Robot
 from leg_dynamics.analysis.gait.stability import project, support_margin
 from leg_dynamics.analysis.gait.study import LOADS, GaitStudy, LimbMotion, Peaks, plan, study
-from leg_dynamics.analysis.gait.walk import BodyMotion, FootMotion, Sway, Twist, Walk
+from leg_dynamics.analysis.gait.walk import BodyMotion, FootMotion, Sway, Tilt, Twist, Walk
 
 __all__ = [
     "FILES",
@@ -33,15 +35,19 @@ __all__ = [
     "GaitStudy",
     "Limb",
     "LimbMotion",
+    "LimitMargin",
     "LoadSharing",
     "Peaks",
     "PhaseTable",
+    "Picture",
     "Robot",
     "Sway",
+    "Tilt",
     "Twist",
     "Walk",
     "columns",
     "phase_table",
+    "picture",
     "plan",
     "project",
     "robot_from",

@@ -1,4 +1,4 @@
-"""Plots of a gait study: foot paths, actuator speeds (Rong 2012, Fig. 10) and efforts, rhythm and stability."""
+"""Plots of a gait study: foot paths, actuator speeds (Rong 2012, Fig. 10) and efforts, stability, limits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["gait_figures"]
+__all__ = ["CAPTIONS", "gait_figures"]
 
 # Okabe and Ito's palette: told apart by most colour-blind readers, and in print.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -22,13 +22,23 @@ _STYLES = ("-", "--", "-.", ":")
 
 
 def gait_figures(study: GaitStudy) -> dict[str, Figure]:
-    """The plots by name: ``feet``, ``speeds``, ``efforts``, ``stability``; matplotlib figures on the Agg canvas."""
+    """The plots by name, those of `CAPTIONS`; matplotlib figures on the Agg canvas."""
     return {
         "feet": _feet(study),
         "speeds": _curves(study, "speed"),
         "efforts": _curves(study, "effort"),
         "stability": _stability(study),
+        "limits": _limits(study),
     }
+
+
+CAPTIONS = {
+    "feet": "Paths of the feet in the body frame",
+    "speeds": "Speeds of the driven joints; shaded: foot on the ground",
+    "efforts": "Efforts of the actuators; shaded: foot on the ground",
+    "stability": "Static stability margin, feet on the ground, and vertical foot forces",
+    "limits": "How near each leg comes to its limits",
+}
 
 
 def _figure(width: float, height: float) -> Figure:
@@ -44,8 +54,9 @@ def _title(study: GaitStudy) -> str:
     walk = study.walk
     speed = f"{np.hypot(walk.twist.forward, walk.twist.sideward):.3g} m/s"
     turn = f", {walk.twist.turn:.3g} rad/s" if walk.twist.turn else ""
+    tilt = "" if walk.tilt is None else ", tilted body"
     rhythm = f"period {walk.period:g} s, duty {walk.table.duty:.3g}"
-    return f"{study.robot.name}, {walk.table.name} gait: {rhythm}, {speed}{turn}"
+    return f"{study.robot.name}, {walk.table.name} gait: {rhythm}, {speed}{turn}{tilt}"
 
 
 def _tidy(axis: Axes) -> None:
@@ -135,7 +146,7 @@ def _stability(study: GaitStudy) -> Figure:
         loc="left",
         fontsize="medium",
     )
-    names = study.robot.leg_names
+    names, vertical = study.robot.leg_names, study.level_force[..., 2]
     for i in range(len(names)):
         spans = [(study.time[a], study.time[b] - study.time[a]) for a, b in _spans(study.stance[:, i])]
         rhythm.broken_barh(spans, (i - 0.35, 0.7), facecolors=_colour(i))
@@ -144,7 +155,7 @@ def _stability(study: GaitStudy) -> Figure:
     rhythm.set_title("feet on the ground", loc="left", fontsize="medium")
     for i, name in enumerate(names):
         style = _STYLES[(i // len(_COLOURS)) % len(_STYLES)]
-        load.plot(study.time, study.force[:, i, 2], color=_colour(i), linestyle=style, label=name)
+        load.plot(study.time, vertical[:, i], color=_colour(i), linestyle=style, label=name)
     load.set_ylabel("vertical force [N]")
     load.set_title(f"foot forces, {study.load}", loc="left", fontsize="medium")
     load.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False)
@@ -153,6 +164,32 @@ def _stability(study: GaitStudy) -> Figure:
         axis.margins(x=0.01)
         _tidy(axis)
     figure.align_ylabels((margin, load))
+    figure.suptitle(_title(study))
+    return figure
+
+
+def _limits(study: GaitStudy) -> Figure:
+    """Least normalised margin of each leg, with the limits that it belongs to."""
+    figure = _figure(10.0, 5.0)
+    axis = figure.subplots()
+    for i, name in enumerate(study.robot.leg_names):
+        own = [each for each in study.limits if name in each.leg.split(" + ")]
+        if own:
+            margins = np.stack([each.margin / each.scale for each in own])
+            nearest = min(own, key=lambda each: each.least_normalised)
+            style = _STYLES[(i // len(_COLOURS)) % len(_STYLES)]
+            label = f"{name}: {nearest.name.removeprefix(name).strip('_ ')}, {nearest.least:.4g} {nearest.unit}"
+            axis.plot(study.time, margins.min(axis=0), color=_colour(i), linestyle=style, label=label)
+    axis.axhline(0.0, color="0.4", linewidth=0.8)
+    axis.set_ylabel("margin over half range [1]")
+    axis.set_xlabel("time [s]")
+    axis.set_title(
+        "least margin of all limits, passive joints included; below zero: broken", loc="left", fontsize="medium"
+    )
+    axis.margins(x=0.01)
+    _tidy(axis)
+    if study.limits:
+        figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize="small")
     figure.suptitle(_title(study))
     return figure
 

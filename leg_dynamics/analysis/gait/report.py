@@ -11,11 +11,21 @@ from typing import Any
 
 import numpy as np
 
+from leg_dynamics.analysis.gait.limits import LimitMargin
 from leg_dynamics.analysis.gait.study import GaitStudy, LimbMotion
 
-__all__ = ["FILES", "columns", "summary", "write"]
+__all__ = ["FILES", "columns", "limits_of", "summary", "write"]
 
-FILES = ("summary.json", "cycle.csv", "feet.png", "speeds.png", "efforts.png", "stability.png")
+FILES = (
+    "summary.json",
+    "cycle.csv",
+    "report.html",
+    "feet.png",
+    "speeds.png",
+    "efforts.png",
+    "stability.png",
+    "limits.png",
+)
 """What `write` makes in a folder."""
 
 _LOADS = {
@@ -43,6 +53,7 @@ def summary(study: GaitStudy) -> dict[str, Any]:
         "clearance [m]": walk.clearance,
         "path_law": walk.law,
         "body_height [m]": float(-walk.homes[:, 2].mean()),
+        "body_tilt [rad]": _tilt(study),
         "samples": int(study.time.size),
         "mass [kg]": study.mass,
         "centre_of_mass": "trunk and every moving link of the legs where it is",
@@ -51,7 +62,39 @@ def summary(study: GaitStudy) -> dict[str, Any]:
         "friction": study.friction,
         "residual [N]": float(study.residual.max()),
         "largest_foot_force [N]": float(np.linalg.norm(study.force, axis=-1).max()),
-        "legs": [_leg(motion) for motion in study.limbs],
+        "limits_hold": all(each.holds for each in study.limits),
+        "nearest_limit": None if not study.limits else _limit(study.nearest_limits()[0], study.time),
+        "legs": [_leg(motion) | {"limits": limits_of(study, motion.limb.name)} for motion in study.limbs],
+        "limits_between_legs": [_limit(each, study.time) for each in study.nearest_limits() if " + " in each.leg],
+    }
+
+
+def _tilt(study: GaitStudy) -> dict[str, list[float]]:
+    """Least and greatest roll and pitch."""
+    tilt = study.walk.tilt
+    if tilt is None:
+        return {"roll": [0.0, 0.0], "pitch": [0.0, 0.0]}
+    angles = tilt.value(study.time / study.walk.period, study.walk.period)
+    ends = np.stack([angles.min(axis=0), angles.max(axis=0)], axis=1)
+    return dict(zip(("roll", "pitch"), ends.tolist(), strict=True))
+
+
+def limits_of(study: GaitStudy, leg: str) -> list[dict[str, Any]]:
+    """What limits one leg, from the nearest to the farthest: name, kind, least margin with its unit and time."""
+    return [_limit(each, study.time) for each in study.nearest_limits() if each.leg == leg]
+
+
+def _limit(each: LimitMargin, time: np.ndarray) -> dict[str, Any]:
+    return {
+        "limit": each.name,
+        "leg": each.leg,
+        "kind": each.kind,
+        "holds_where": each.meaning,
+        "margin": each.least,
+        "unit": each.unit,
+        "at [s]": float(time[each.row]),
+        "normalised": each.least_normalised,
+        "holds": each.holds,
     }
 
 
@@ -106,11 +149,15 @@ def _units(limb: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def columns(study: GaitStudy) -> dict[str, np.ndarray]:
     """The whole cycle, one array (T,) a column, by its name with its unit in ASCII.
 
-    Feet and forces are in the body frame; coordinates and efforts have the signs of the robot's file.
+    Feet and forces are in the body frame; coordinates and efforts have the signs of the robot's file. The limit margin
+    of a leg is the least normalised one of its limits.
     """
     table: dict[str, np.ndarray] = {"t [s]": study.time, "margin [m]": study.margin}
     for k, axis in enumerate("xyz"):
         table[f"com_{axis} [m]"] = study.com[:, k]
+    if study.walk.tilt is not None:
+        angles = study.walk.tilt.value(study.time / study.walk.period, study.walk.period)
+        table |= {"roll [rad]": angles[:, 0], "pitch [rad]": angles[:, 1]}
     for i, motion in enumerate(study.limbs):
         limb, name = motion.limb, motion.limb.name
         table[f"{name}_stance"] = motion.stance.astype(float)
@@ -125,6 +172,9 @@ def columns(study: GaitStudy) -> dict[str, np.ndarray]:
         signs = limb.signs if motion.effort.shape[1] == len(limb.signs) else np.ones(motion.effort.shape[1])
         for k, actuator in enumerate(limb.actuator_names):
             table[f"tau_{actuator} [{effort_units[k].replace('·', '*')}]"] = signs[k] * motion.effort[:, k]
+        own = [each.margin / each.scale for each in study.limits if name in each.leg.split(" + ")]
+        if own:
+            table[f"{name}_limit_margin [1]"] = np.min(own, axis=0)
     return table
 
 
@@ -136,10 +186,11 @@ def write(study: GaitStudy, folder: str | Path) -> tuple[Path, ...]:
     tuple of Path
     """
     from leg_dynamics.analysis.gait.figures import gait_figures
+    from leg_dynamics.analysis.gait.page import render_page
 
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
-    head, table = place / FILES[0], place / FILES[1]
+    head, table, page = (place / name for name in FILES[:3])
     head.write_text(json.dumps(_plain(summary(study)), indent=2, allow_nan=False) + "\n", encoding="utf-8")
     data = columns(study)
     with table.open("w", encoding="utf-8", newline="") as file:
@@ -147,8 +198,10 @@ def write(study: GaitStudy, folder: str | Path) -> tuple[Path, ...]:
         writer.writerow(data)
         # Adding zero turns -0 into 0.
         writer.writerows(map("{:.12g}".format, row) for row in np.stack(list(data.values()), axis=1) + 0.0)
-    written = [head, table]
-    for name, figure in gait_figures(study).items():
+    figures = gait_figures(study)
+    page.write_text(render_page(study, figures), encoding="utf-8", newline="\n")
+    written = [head, table, page]
+    for name, figure in figures.items():
         path = place / f"{name}.png"
         figure.savefig(path)
         written.append(path)

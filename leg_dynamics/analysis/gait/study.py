@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from leg_dynamics.analysis import arguments
 from leg_dynamics.analysis.gait.forces import share_load
+from leg_dynamics.analysis.gait.limits import LimitMargin, limit_margins, most_broken
 from leg_dynamics.analysis.gait.phases import PhaseTable, phase_table
 from leg_dynamics.analysis.gait.robot import Limb, Robot
 from leg_dynamics.analysis.gait.stability import project, support_margin
-from leg_dynamics.analysis.gait.walk import BodyMotion, FootMotion, Sway, Twist, Walk
+from leg_dynamics.analysis.gait.walk import BodyMotion, FootMotion, Sway, Tilt, Twist, Walk
 from leg_dynamics.analysis.trajectories import FootPath, Trajectory
 from leg_dynamics.errors import AssemblyError, JointLimitError, RowError, SupportError, TrajectoryError
 
@@ -101,7 +102,7 @@ class GaitStudy:
     feet : FootMotion
         In the body frame, (T, N, 3) each.
     body : BodyMotion
-        In the world.
+        In the world, and how body axes stand against level ones.
     limbs : tuple of LimbMotion
     mass : float
         Of the whole robot, kg.
@@ -116,6 +117,8 @@ class GaitStudy:
     load : str
         One of `LOADS`.
     friction : float or None
+    limits : tuple of LimitMargin
+        Margins of all that limits the legs' poses: joints driven and passive, cones, telescopes, clearances.
     """
 
     robot: Robot
@@ -132,12 +135,22 @@ class GaitStudy:
     residual: NDArray[np.float64]
     load: str
     friction: float | None
+    limits: tuple[LimitMargin, ...] = ()
 
     def __repr__(self) -> str:
         return (
             f"<GaitStudy of {self.robot.name!r}: {self.walk.table.name}, {self.walk.period:g} s, "
             f"margin {self.margin.min():.4g} to {self.margin.max():.4g} m>"
         )
+
+    @property
+    def level_force(self) -> NDArray[np.float64]:
+        """`force` in level axes, N, (T, N, 3): the third component is the vertical one, also of a tilted body."""
+        return self.body.level(self.force)
+
+    def nearest_limits(self) -> tuple[LimitMargin, ...]:
+        """`limits` from the nearest to the farthest, by the least normalised margin over the cycle."""
+        return tuple(sorted(self.limits, key=lambda each: each.least_normalised))
 
     def joint_values(self) -> dict[str, NDArray[np.float64]]:
         """Coordinates of the robot's file along the cycle, (T,) each, for its picture; loops closed."""
@@ -169,6 +182,7 @@ def plan(
     body_height: float | None = None,
     homes: Any = None,
     sway: Sway | None = None,
+    tilt: Tilt | tuple[float, float] | None = None,
 ) -> Walk:
     """Plan a walk for a robot.
 
@@ -195,6 +209,8 @@ def plan(
     homes : array_like, shape (N, 3), optional
         Neutral positions of the feet in the body frame, m; by default the robot's.
     sway : Sway, optional
+    tilt : Tilt or tuple of two floats, optional
+        Roll and pitch of the body, rad: fixed where two numbers, or by a law.
 
     Returns
     -------
@@ -218,7 +234,10 @@ def plan(
     neutral = arguments.reals("homes", robot.homes if homes is None else homes)
     if body_height is not None:
         neutral[:, 2] = -arguments.positive("body height", body_height, "metres")
-    return Walk(table, neutral, length, twist, clearance, law, sway)
+    if tilt is not None and not isinstance(tilt, Tilt):
+        roll, pitch = arguments.vector("tilt", tilt, 2, "rad of roll and pitch")
+        tilt = Tilt(float(roll), float(pitch))
+    return Walk(table, neutral, length, twist, clearance, law, sway, tilt)
 
 
 def study(
@@ -235,8 +254,8 @@ def study(
 
     Joint rates and accelerations follow from exact foot targets. The load is the robot's weight and the inertia of its
     mass at the centre of mass, moving as the body does; what legs add by moving against the body, and angular momentum,
-    are left out of the feet's load. A leg's own dynamics are complete but for its rotation with a turning body: gravity
-    less the acceleration of its hip acts on it.
+    are left out of the feet's load. A leg's own dynamics are complete but for its rotation with a turning or tilting
+    body: gravity less the acceleration of its hip acts on it.
 
     Parameters
     ----------
@@ -252,7 +271,8 @@ def study(
     branch : str, optional
         Branch of the legs' inverse kinematics.
     limits : {"error", "ignore"}
-        Whether coordinates outside the joint limits are refused.
+        Whether poses outside a limit are refused: of a driven or a passive joint, a ball joint's cone, a telescope, or
+        the clearance between two links. The margins of all are in `GaitStudy.limits` in any case.
 
     Returns
     -------
@@ -261,8 +281,8 @@ def study(
     Raises
     ------
     OutOfReachError, JointLimitError, SingularityError
-        A foot is out of reach, a joint leaves its limits, or a pose is singular; with `leg`, `time` (s), `margin`, and
-        the `joint` of a limit.
+        A foot is out of reach, a pose breaks a limit, or is singular; with `leg`, `time` (s), `margin`, and the `joint`
+        or the `limit` by name.
     AssemblyError
         A leg changes its assembly mode on the way, or its branch is another mode than its dynamics know.
     SupportError
@@ -281,16 +301,48 @@ def study(
         _follow(limb, time, FootMotion(*(values[:, i] for values in feet)), branch, limits)
         for i, limb in enumerate(robot.limbs)
     ]
+    margins = limit_margins(robot, [motion.q for motion in motions])
+    if limits == "error":
+        _check_margins(margins, time)
     mass, com = robot.centre_of_mass([motion.q for motion in motions])
-    ground = np.where(stance, feet.position[..., 2], 0.0).sum(axis=1) / np.maximum(stance.sum(axis=1), 1)
-    margin = support_margin(feet.position[..., :2], stance, project(com, robot.gravity, ground))
-    pull = robot.gravity - body.acceleration_at(com)
-    force, residual = _loads(robot, time, feet, stance, com, mass * pull, ground, load, friction)
+    # The ground is level; the body need not be.
+    level, centre, gravity = body.level(feet.position), body.level(com), body.in_body(_rows(robot.gravity, time))
+    ground = np.where(stance, level[..., 2], 0.0).sum(axis=1) / np.maximum(stance.sum(axis=1), 1)
+    margin = support_margin(level[..., :2], stance, project(centre, robot.gravity, ground))
+    pull = body.level(gravity - body.acceleration_at(com))
+    force, residual = _loads(robot, time, level, stance, centre, mass * pull, ground, load, friction)
+    force = body.in_body(force)
     limbs = tuple(
-        _loaded(limb, motion, stance[:, i], force[:, i], robot.gravity - body.acceleration_at(limb.hip[:3, 3]), load)
+        _loaded(limb, motion, stance[:, i], force[:, i], gravity - body.acceleration_at(limb.hip[:3, 3]))
         for i, (limb, motion) in enumerate(zip(robot.limbs, motions, strict=True))
     )
-    return GaitStudy(robot, walk, time, stance, feet, body, limbs, mass, com, margin, force, residual, load, friction)
+    return GaitStudy(
+        robot, walk, time, stance, feet, body, limbs, mass, com, margin, force, residual, load, friction, margins
+    )
+
+
+def _rows(vector: NDArray[np.float64], time: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.broadcast_to(vector, (time.size, 3))
+
+
+def _check_margins(margins: Sequence[LimitMargin], time: NDArray[np.float64]) -> None:
+    worst = most_broken(margins)
+    if worst is None:
+        return
+    rows = np.flatnonzero(~(worst.margin >= 0.0))
+    k, others = worst.row, sum(not each.holds for each in margins) - 1
+    more = f" ({others} more limits are broken too)" if others else ""
+    raise JointLimitError(
+        f"leg {worst.leg!r} breaks its limit {worst.name!r} ({worst.meaning}) at {rows.size} of {time.size} instants, "
+        f"by {-worst.margin[k]:.4g} {worst.unit} at t = {time[k]:g} s{more}; shorten the stride, lower the clearance, "
+        "change the height or tilt of the body, or have limits ignored to see all margins",
+        rows=rows,
+        margin=worst.margin[rows],
+        leg=worst.leg,
+        limit=worst.name,
+        kind=worst.kind,
+        time=float(time[k]),
+    )
 
 
 def _instants(walk: Walk, count: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -385,7 +437,7 @@ def _units(limb: Limb) -> tuple[str, ...]:
 def _loads(
     robot: Robot,
     time: NDArray[np.float64],
-    feet: FootMotion,
+    feet: NDArray[np.float64],
     stance: NDArray[np.bool_],
     com: NDArray[np.float64],
     pull: NDArray[np.float64],
@@ -393,17 +445,17 @@ def _loads(
     load: str,
     friction: float | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Forces of the ground, (T, N, 3), and what they leave unbalanced, (T,)."""
-    force = np.zeros(feet.position.shape)
+    """Forces of the ground in level axes, (T, N, 3), and what they leave unbalanced, (T,)."""
+    force = np.zeros(feet.shape)
     if load == "none":
         return force, np.linalg.norm(pull, axis=1)
     if load == "balanced":
-        shared = share_load(feet.position, stance, com, -pull, friction=friction)
+        shared = share_load(feet, stance, com, -pull, friction=friction)
         rows = np.flatnonzero(~shared.feasible)
         if rows.size:
             k = int(rows[0])
             point = project(com, pull, ground)
-            margin = support_margin(feet.position[..., :2], stance, point)
+            margin = support_margin(feet[..., :2], stance, point)
             moved = np.abs(pull[k, :2]).max() > 1e-9 * abs(pull[k, 2])
             why = "their forces do not balance" if friction is None else f"friction of {friction:g} does not hold it"
             if margin[k] <= 0.0:
@@ -428,7 +480,7 @@ def _loads(
             time=float(time[rows[0]]),
         )
     force[..., 2] = np.where(stance, -pull[:, 2:] / standing[:, None], 0.0)
-    arms = feet.position - com[:, None, :]
+    arms = feet - com[:, None, :]
     missing = np.cross(arms, force).sum(axis=1) / np.linalg.norm(arms, axis=-1).max(axis=1)[:, None]
     return force, np.linalg.norm(np.concatenate([force.sum(axis=1) + pull, missing], axis=1), axis=1)
 
@@ -439,7 +491,6 @@ def _loaded(
     stance: NDArray[np.bool_],
     force: NDArray[np.float64],
     pull: NDArray[np.float64],
-    load: str,
 ) -> LimbMotion:
     """The leg's efforts under its foot's force, with gravity less the acceleration of its hip."""
     on_foot = limb.vector_to_leg(force)

@@ -1,9 +1,9 @@
 """A walk: where every foot is in the body frame at any time, with exact rates, from gait, stride and body velocity.
 
 A carrier moves over the ground with a constant twist: forward and sideward velocity in its own axes, and a turn rate.
-The body is the carrier, or sways about it. A foot stands still in the world during its stance and is planned in the
-world during its swing, from one footprint to the next; the body frame sees both through the carrier's motion. So feet
-do not slip, by construction, on straight lines, circles and on the spot.
+The body is the carrier, or sways and tilts against it. A foot stands still in the world during its stance and is
+planned in the world during its swing, from one footprint to the next; the body frame sees both through the carrier's
+motion. So feet do not slip, by construction, on straight lines, circles and on the spot.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from leg_dynamics.analysis import arguments
 from leg_dynamics.analysis.gait.laws import LAWS, law
 from leg_dynamics.analysis.gait.phases import PhaseTable
-from leg_dynamics.errors import NonFiniteError, ShapeError
+from leg_dynamics.errors import NonFiniteError, ShapeError, TrajectoryError
 
-__all__ = ["BodyMotion", "FootMotion", "Sway", "Twist", "Walk"]
+__all__ = ["BodyMotion", "FootMotion", "Sway", "Tilt", "Twist", "Walk"]
 
 
 class Twist(NamedTuple):
@@ -55,7 +55,10 @@ class FootMotion(NamedTuple):
 
 
 class BodyMotion(NamedTuple):
-    """The body in the world at T times."""
+    """The body in the world at T times.
+
+    Level axes are those of the body's frame turned back by its roll and pitch: x ahead on the level, z up.
+    """
 
     position: NDArray[np.float64]
     """Its origin, m, (T, 3); the carrier starts at (0, 0, 0), and feet at home are below it at their own heights."""
@@ -64,12 +67,27 @@ class BodyMotion(NamedTuple):
     acceleration: NDArray[np.float64]
     """Of its origin, in body axes, m/s², (T, 3)."""
     turn: float
-    """Turn rate, rad/s."""
+    """Turn rate of the carrier, rad/s."""
+    rotation: NDArray[np.float64]
+    """From body axes to level axes, (T, 3, 3)."""
+    spin: NDArray[np.float64]
+    """Angular velocity, in body axes, rad/s, (T, 3)."""
+    spin_rate: NDArray[np.float64]
+    """Its derivative, in body axes, rad/s², (T, 3)."""
 
     def acceleration_at(self, point: ArrayLike) -> NDArray[np.float64]:
         """Acceleration of a point fixed in the body, in body axes, m/s², (T, 3)."""
-        x, y, _ = np.moveaxis(np.broadcast_to(np.asarray(point, dtype=float), self.position.shape), -1, 0)
-        return self.acceleration - self.turn**2 * np.stack([x, y, 0.0 * x], axis=-1)
+        r = np.broadcast_to(np.asarray(point, dtype=float), self.position.shape)
+        centripetal = np.cross(self.spin, np.cross(self.spin, r))
+        return np.asarray(self.acceleration + np.cross(self.spin_rate, r) + centripetal)
+
+    def level(self, vectors: ArrayLike) -> NDArray[np.float64]:
+        """Vectors of the body frame, (T, ..., 3), in level axes."""
+        return np.einsum("tij,t...j->t...i", self.rotation, np.asarray(vectors, dtype=float))
+
+    def in_body(self, vectors: ArrayLike) -> NDArray[np.float64]:
+        """Vectors in level axes, (T, ..., 3), in the body frame."""
+        return np.einsum("tji,t...j->t...i", self.rotation, np.asarray(vectors, dtype=float))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,23 +104,89 @@ class Sway:
     sine: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        for name in ("cosine", "sine"):
-            array = arguments.reals(name, getattr(self, name))
-            if array.ndim != 2 or array.shape[1] != 3 or array.shape != np.shape(self.cosine):
-                raise ShapeError(f"{name} of a sway has shape {array.shape}; cosine and sine are (K, 3), alike")
-            if not np.isfinite(array).all():
-                raise NonFiniteError(f"{name} of a sway holds NaN or infinity")
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        _check_waves(self, "sway", 3)
 
     def value(self, cycles: ArrayLike, period: float, derivative: int = 0) -> NDArray[np.float64]:
         """The shift, or a derivative by time, (..., 3), at a time over the period."""
-        k = np.arange(1, len(self.cosine) + 1)
-        rate = (2.0 * np.pi * k / period) ** derivative
-        # Each derivative advances both waves by a quarter of a turn.
-        angle = 2.0 * np.pi * k * np.asarray(cycles, dtype=float)[..., None] + 0.5 * np.pi * derivative
-        shift: NDArray[np.float64] = (rate * np.cos(angle)) @ self.cosine + (rate * np.sin(angle)) @ self.sine
-        return shift
+        return _waves(self.cosine, self.sine, cycles, period, derivative)
+
+
+@dataclass(frozen=True, eq=False)
+class Tilt:
+    """Roll and pitch of the body against its level carrier: fixed, and a law with the gait's period on top.
+
+    The body turns about its own origin: by the pitch about the carrier's y axis, then by the roll about its own x axis
+    (REP 103). A positive pitch lowers its head, a positive roll its right side. Feet stay on level ground.
+
+    Parameters
+    ----------
+    roll, pitch : float
+        Fixed part, rad.
+    cosine, sine : array_like, shape (K, 2), optional
+        Roll and pitch, rad: sum over k of cosine[k-1] cos(k w t) + sine[k-1] sin(k w t); w = 2 pi over the period.
+
+    Raises
+    ------
+    TrajectoryError
+        The body could tilt to a right angle.
+    """
+
+    roll: float = 0.0
+    pitch: float = 0.0
+    cosine: NDArray[np.float64] = field(default_factory=lambda: np.zeros((1, 2)))
+    sine: NDArray[np.float64] = field(default_factory=lambda: np.zeros((1, 2)))
+
+    def __post_init__(self) -> None:
+        for name in ("roll", "pitch"):
+            object.__setattr__(self, name, arguments.real(name, getattr(self, name)))
+        _check_waves(self, "tilt", 2)
+        for name, most in zip(("roll", "pitch"), self._greatest(), strict=True):
+            if not most < 0.5 * np.pi:
+                raise TrajectoryError(
+                    f"the {name} of the body may reach {most:.4g} rad, {most - 0.5 * np.pi:.4g} rad beyond a right "
+                    "angle; tilt it less"
+                )
+
+    def _greatest(self) -> NDArray[np.float64]:
+        """A bound of the magnitudes, (2,)."""
+        return np.asarray(np.abs([self.roll, self.pitch]) + np.hypot(self.cosine, self.sine).sum(axis=0))
+
+    def value(self, cycles: ArrayLike, period: float, derivative: int = 0) -> NDArray[np.float64]:
+        """Roll and pitch, or a derivative by time, (..., 2), at a time over the period."""
+        fixed = np.array([self.roll, self.pitch]) if derivative == 0 else np.zeros(2)
+        return np.asarray(fixed + _waves(self.cosine, self.sine, cycles, period, derivative))
+
+    def motion(self, cycles: ArrayLike, period: float) -> tuple[NDArray[np.float64], ...]:
+        """Rotation from body axes to the carrier's, (T, 3, 3); angular velocity and its derivative, (T, 3)."""
+        (roll, pitch), (p, q), (pp, qq) = (np.moveaxis(self.value(cycles, period, k), -1, 0) for k in range(3))
+        sr, cr, sp, cp, zero = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch), np.zeros_like(roll)
+        rows = ([cp, sp * sr, sp * cr], [zero, cr, -sr], [-sp, cp * sr, cp * cr])
+        rotation = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+        spin = np.stack([p, q * cr, -q * sr], axis=-1)
+        rate = np.stack([pp, qq * cr - p * q * sr, -qq * sr - p * q * cr], axis=-1)
+        return rotation, spin, rate
+
+
+def _check_waves(law: Sway | Tilt, what: str, count: int) -> None:
+    for name in ("cosine", "sine"):
+        array = arguments.reals(name, getattr(law, name))
+        if array.ndim != 2 or array.shape[1] != count or array.shape != np.shape(law.cosine):
+            raise ShapeError(f"{name} of a {what} has shape {array.shape}; cosine and sine are (K, {count}), alike")
+        if not np.isfinite(array).all():
+            raise NonFiniteError(f"{name} of a {what} holds NaN or infinity")
+        array.setflags(write=False)
+        object.__setattr__(law, name, array)
+
+
+def _waves(
+    cosine: NDArray[np.float64], sine: NDArray[np.float64], cycles: ArrayLike, period: float, derivative: int
+) -> NDArray[np.float64]:
+    k = np.arange(1, len(cosine) + 1)
+    rate = (2.0 * np.pi * k / period) ** derivative
+    # Each derivative advances both waves by a quarter of a turn.
+    angle = 2.0 * np.pi * k * np.asarray(cycles, dtype=float)[..., None] + 0.5 * np.pi * derivative
+    value: NDArray[np.float64] = (rate * np.cos(angle)) @ cosine + (rate * np.sin(angle)) @ sine
+    return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +209,8 @@ class Walk:
         Path law of the swing, see `leg_dynamics.analysis.gait.laws.LAWS`.
     sway : Sway, optional
         Shift of the body.
+    tilt : Tilt, optional
+        Roll and pitch of the body.
 
     Raises
     ------
@@ -139,6 +225,7 @@ class Walk:
     clearance: float = 0.1
     law: str = "polynomial"
     sway: Sway | None = None
+    tilt: Tilt | None = None
     _step: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -156,6 +243,8 @@ class Walk:
         arguments.choice("path law", self.law, LAWS)
         if self.sway is not None:
             arguments.kind("sway", self.sway, Sway)
+        if self.tilt is not None:
+            arguments.kind("tilt", self.tilt, Tilt)
         # From each footprint to the next, seen from the carrier in the middle of the stance.
         turned = self.twist.turned(self.period)
         step = homes[:, :2] @ turned.T + self.twist.displacement(self.period) - homes[:, :2]
@@ -236,10 +325,21 @@ class Walk:
         position, moved, accelerated = rotated(place), rotated(world[1]), rotated(world[2])
         velocity = moved - np.array([x, y, 0.0]) - crossed(position)
         acceleration = accelerated - crossed(moved) - crossed(velocity)
-        if self.sway is None:
-            return FootMotion(position, velocity, acceleration)
-        sway = [self.sway.value(cycles, self.period, k)[..., None, :] for k in range(3)]
-        return FootMotion(position - sway[0], velocity - sway[1], acceleration - sway[2])
+        level = FootMotion(position, velocity, acceleration)
+        if self.sway is not None:
+            shift = (self.sway.value(cycles, self.period, k)[..., None, :] for k in range(3))
+            level = FootMotion(*(values - own for values, own in zip(level, shift, strict=True)))
+        return level if self.tilt is None else self._tilted(cycles, level)
+
+    def _tilted(self, cycles: NDArray[np.float64], level: FootMotion) -> FootMotion:
+        """Motions in level axes as the tilted body sees them."""
+        assert self.tilt is not None
+        rotation, spin, rate = self.tilt.motion(cycles, self.period)
+        position, moved, accelerated = (np.einsum("...ji,...nj->...ni", rotation, values) for values in level)
+        spin, rate = spin[..., None, :], rate[..., None, :]
+        velocity = moved - np.cross(spin, position)
+        acceleration = accelerated - np.cross(rate, position) - np.cross(spin, moved + velocity)
+        return FootMotion(position, velocity, acceleration)
 
     def body(self, time: ArrayLike) -> BodyMotion:
         """The body in the world at times (T,), s."""
@@ -255,11 +355,32 @@ class Walk:
         acceleration = second.copy()
         acceleration[..., 0] -= w * (y + 2.0 * rate[..., 1]) + w**2 * shift[..., 0]
         acceleration[..., 1] += w * (x + 2.0 * rate[..., 0]) - w**2 * shift[..., 1]
-        return BodyMotion(position, w * time, acceleration, w)
+        turning = np.broadcast_to([0.0, 0.0, w], position.shape)
+        level = BodyMotion(
+            position,
+            w * time,
+            acceleration,
+            w,
+            np.broadcast_to(np.eye(3), (*time.shape, 3, 3)),
+            turning,
+            np.zeros_like(position),
+        )
+        if self.tilt is None:
+            return level
+        rotation, own, own_rate = self.tilt.motion(cycles, self.period)
+        turning = np.einsum("...ji,...j->...i", rotation, turning)
+        return level._replace(
+            acceleration=np.einsum("...ji,...j->...i", rotation, acceleration),
+            rotation=rotation,
+            spin=turning + own,
+            # What stands still in the carrier's axes turns backwards in the body's.
+            spin_rate=own_rate - np.cross(own, turning),
+        )
 
     def in_world(self, time: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
         """Points of the body frame, (T, N, 3), in the world, m."""
-        body, points = self.body(time), np.asarray(points, dtype=float)
+        body = self.body(time)
+        points = body.level(points)
         turned = self.twist.turned(self.cycles(time) * self.period)
         plane = np.einsum("tij,tnj->tni", turned, points[..., :2])
         return np.concatenate([plane, points[..., 2:]], axis=-1) + body.position[:, None, :]

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Sequence
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,15 +20,26 @@ from leg_dynamics.errors import ParameterError, UnsupportedError
 if TYPE_CHECKING:
     import casadi
 
-    from leg_dynamics.description.model import Clearance, Cone, Description, Joint, Segment
+    from leg_dynamics.description.model import Clearance, Cone, Description, Joint
     from leg_dynamics.kernels import Kernel
 
-__all__ = ["Constraint", "ConstraintKernels", "constraint_kernels", "constraints_of"]
+__all__ = [
+    "Constraint",
+    "ConstraintKernels",
+    "MarginFormulas",
+    "constraint_kernels",
+    "constraints_of",
+    "limit_numbers",
+    "margin_formulas",
+]
 
 _SOURCES = ("analysis.workspace.constraints", "description")
 """What the kernels come from, beside the mechanism."""
 
 KINDS = ("joint", "cone", "telescope", "clearance")
+
+_SIDES = ("first", "second")
+"""Of a clearance."""
 
 _ROUNDING = 1e-15
 """Entries of a rotation matrix below this are the rounding of roll, pitch, yaw; as zeros they cost nothing."""
@@ -106,25 +118,122 @@ def constraints_of(description: Description, ignore: Iterable[str] = ()) -> tupl
 
 
 def _every_constraint(description: Description) -> list[Constraint]:
+    scales = _scales(description, limit_numbers(description))
     found: list[Constraint] = []
+
+    def add(name: str, kind: str, unit: str, meaning: str, line: int | None) -> None:
+        found.append(Constraint(name, kind, unit, float(scales[name]), meaning, line))
+
     for joint in _limited(description):
-        scale, limits = _joint_scale(joint), joint.limits
+        limits = joint.limits
         for side, bound, sign in (("lower", limits.lower, ">="), ("upper", limits.upper, "<=")):
             if math.isfinite(bound):
                 meaning = f"{joint.name} {sign} {bound:.6g} {joint.unit}"
-                found.append(Constraint(f"{joint.name} {side} limit", "joint", joint.unit, scale, meaning, joint.line))
+                add(f"{joint.name} {side} limit", "joint", joint.unit, meaning, joint.line)
     for cone in description.cones:
         meaning = f"angle between an axis of {cone.link} and one of {cone.other_link} <= {cone.upper:.6g} rad"
-        found.append(Constraint(f"cone {cone.name}", "cone", "rad", cone.upper, meaning, cone.line))
+        add(f"cone {cone.name}", "cone", "rad", meaning, cone.line)
     for telescope in description.telescopes:
-        scale = _joint_scale(description.joint(telescope.joint))
         meaning = f"{telescope.sleeve:.6g} + {telescope.rod:.6g} m - {telescope.joint} >= {telescope.overlap:.6g} m"
-        found.append(Constraint(f"telescope {telescope.joint}", "telescope", "m", scale, meaning, telescope.line))
+        add(f"telescope {telescope.joint}", "telescope", "m", meaning, telescope.line)
     for clearance in description.clearances:
         meaning = f"capsules on {clearance.first.link} and {clearance.second.link} >= {clearance.minimum:.6g} m apart"
-        scale = _clearance_scale(clearance)
-        found.append(Constraint(f"clearance {clearance.name}", "clearance", "m", scale, meaning, clearance.line))
+        add(f"clearance {clearance.name}", "clearance", "m", meaning, clearance.line)
     return found
+
+
+def limit_numbers(description: Description) -> dict[str, float]:
+    """Every number that the constraints are made of, by name, SI units.
+
+    Limits of joints with one coordinate, places of all joints, cones with their axes at the length that the file gives
+    them (only the direction counts, but the unit vector would be no affine function of a component), telescopes and
+    clearances.
+    """
+    found: dict[str, float] = {}
+    for joint in description.joints:
+        if joint.is_single_coordinate:
+            for side in ("lower", "upper"):
+                bound = getattr(joint.limits, side)
+                if math.isfinite(bound):
+                    found[f"{joint.name}.{side}"] = bound
+        found |= _components(f"{joint.name}.origin", joint.origin.xyz)
+    if description.cones:
+        axes = _cone_axes(description)
+        for cone in description.cones:
+            found[f"cone {cone.name}.upper"] = cone.upper
+            for side, axis in zip(("axis", "other"), axes[cone.name], strict=True):
+                found |= _components(f"cone {cone.name}.{side}", axis)
+    for telescope in description.telescopes:
+        for part in ("sleeve", "rod", "overlap"):
+            found[f"telescope {telescope.joint}.{part}"] = getattr(telescope, part)
+    for clearance in description.clearances:
+        name = f"clearance {clearance.name}"
+        found[f"{name}.minimum"] = clearance.minimum
+        for side in _SIDES:
+            segment = getattr(clearance, side)
+            found[f"{name}.{side}.radius"] = segment.radius
+            found |= _components(f"{name}.{side}.start", segment.start)
+            found |= _components(f"{name}.{side}.end", segment.end)
+    return found
+
+
+def _components(name: str, values: Sequence[float]) -> dict[str, float]:
+    return {f"{name}.{axis}": float(value) for axis, value in zip("xyz", values, strict=True)}
+
+
+def _cone_axes(description: Description) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+    # The text was validated when it was read: no entities, every element in place.
+    found = {}
+    for node in ET.fromstring(description.urdf).iter("cone"):
+        texts = [axis.attrib["xyz"] for axis in node.iter("axis")]
+        one, other = (tuple(float(part) for part in text.split()) for text in texts)
+        found[node.attrib["name"]] = (one, other)
+    return found
+
+
+def _scales(description: Description, numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """`Constraint.scale` by name, of numbers or of symbols for them."""
+    found: dict[str, Any] = {}
+    for joint in _limited(description):
+        for side in ("lower", "upper"):
+            if f"{joint.name}.{side}" in numbers:
+                found[f"{joint.name} {side} limit"] = _half_range(joint.name, numbers)
+    for cone in description.cones:
+        found[f"cone {cone.name}"] = numbers[f"cone {cone.name}.upper"]
+    for telescope in description.telescopes:
+        found[f"telescope {telescope.joint}"] = _half_range(telescope.joint, numbers)
+    for clearance in description.clearances:
+        name = f"clearance {clearance.name}"
+        # Capsules without radius are measured by their lengths.
+        lengths = 0.0
+        for side in _SIDES:
+            squares = 0.0
+            for axis in "xyz":
+                squares += (numbers[f"{name}.{side}.end.{axis}"] - numbers[f"{name}.{side}.start.{axis}"]) ** 2
+            lengths += squares**0.5
+        found[name] = _first_positive(_gap(name, numbers), lengths, 1.0)
+    return found
+
+
+def _half_range(joint: str, numbers: Mapping[str, Any]) -> Any:
+    low, high = numbers.get(f"{joint}.lower"), numbers.get(f"{joint}.upper")
+    return 1.0 if low is None or high is None else _first_positive((high - low) / 2.0, 1.0)
+
+
+def _gap(name: str, numbers: Mapping[str, Any]) -> Any:
+    """Least distance of the axes of two capsules."""
+    return numbers[f"{name}.first.radius"] + numbers[f"{name}.second.radius"] + numbers[f"{name}.minimum"]
+
+
+def _first_positive(value: Any, *others: Any) -> Any:
+    if not others:
+        return value
+    rest = _first_positive(*others)
+    if isinstance(value, float | int):
+        return value if value > 0.0 else rest
+    import casadi
+
+    return casadi.if_else(value > 0.0, value, rest)
 
 
 def constraint_kernels(
@@ -165,10 +274,9 @@ def _builder(name: str, build: Any, description: Description, names: Sequence[st
         from leg_dynamics.kernels import Argument, Program
 
         tree = casadi.SX.sym("tree", len(names))
-        margins = _margins(description, {joint: tree[k] for k, joint in enumerate(names)})
-        found = dict(zip((each.name for each in constraints_of(description)), margins, strict=True))
-        scales = {each.name: each.scale for each in constraints_of(description)}
-        result = casadi.vertcat(*build([found[each] for each in wanted], [scales[each] for each in wanted]))
+        coordinates = {joint: tree[k] for k, joint in enumerate(names)}
+        margins, scales = margin_formulas(description, limit_numbers(description), coordinates)
+        result = casadi.vertcat(*build([margins[each] for each in wanted], [scales[each] for each in wanted]))
         graph = casadi.Function(name, [tree], casadi.cse([result, casadi.SX(0, 1)]))
         return Program(name, (Argument("tree", (len(names),)),), (Argument(name, (result.numel(),)),), graph)
 
@@ -192,9 +300,37 @@ def _worst_margin(margins: list[Any], scales: list[float]) -> list[Any]:
     return [worst, raw, index]
 
 
-def _margins(description: Description, coordinates: dict[str, Any]) -> list[Any]:
-    """Margins on symbols, in the order of `constraints_of`."""
-    margins: list[Any] = []
+class MarginFormulas(NamedTuple):
+    """Of every constraint, by the name that `constraints_of` gives it: its margin, and what to normalise that by."""
+
+    margins: dict[str, Any]
+    scales: dict[str, Any]
+
+
+def margin_formulas(
+    description: Description, numbers: Mapping[str, Any], coordinates: Mapping[str, Any]
+) -> MarginFormulas:
+    """Margins as formulas: of one mechanism, or of every one with the same joints and constraints.
+
+    Parameters
+    ----------
+    description : Description
+        Which joints, links and constraints there are, and how joints are turned; its numbers are not used.
+    numbers : mapping of str to float or casadi.SX
+        As `limit_numbers` names them; symbols where the formulas shall hold for other numbers too.
+    coordinates : mapping of str to casadi.SX
+        Tree coordinates by joint.
+
+    Returns
+    -------
+    MarginFormulas
+
+    Raises
+    ------
+    UnsupportedError
+        A constraint needs a joint that the coordinates leave out, or one with several coordinates.
+    """
+    margins: dict[str, Any] = {}
     for joint in _limited(description):
         if joint.name not in coordinates:
             raise UnsupportedError(
@@ -203,15 +339,21 @@ def _margins(description: Description, coordinates: dict[str, Any]) -> list[Any]
                 joint=joint.name,
             )
         value = coordinates[joint.name]
-        if math.isfinite(joint.limits.lower):
-            margins.append(value - joint.limits.lower)
-        if math.isfinite(joint.limits.upper):
-            margins.append(joint.limits.upper - value)
-    margins += [_cone_margin(description, cone, coordinates) for cone in description.cones]
+        low, high = (numbers.get(f"{joint.name}.{side}") for side in ("lower", "upper"))
+        if low is not None:
+            margins[f"{joint.name} lower limit"] = value - low
+        if high is not None:
+            margins[f"{joint.name} upper limit"] = high - value
+    places = _Places(description, numbers, coordinates)
+    for cone in description.cones:
+        margins[f"cone {cone.name}"] = _cone_margin(cone, numbers, places)
     for telescope in description.telescopes:
-        margins.append(telescope.sleeve + telescope.rod - telescope.overlap - coordinates[telescope.joint])
-    margins += [_clearance_margin(description, clearance, coordinates) for clearance in description.clearances]
-    return margins
+        name = f"telescope {telescope.joint}"
+        length = numbers[f"{name}.sleeve"] + numbers[f"{name}.rod"] - numbers[f"{name}.overlap"]
+        margins[name] = length - coordinates[telescope.joint]
+    for clearance in description.clearances:
+        margins[f"clearance {clearance.name}"] = _clearance_margin(clearance, numbers, places)
+    return MarginFormulas(margins, _scales(description, numbers))
 
 
 def _limited(description: Description) -> list[Joint]:
@@ -222,38 +364,29 @@ def _limited(description: Description) -> list[Joint]:
     ]
 
 
-def _joint_scale(joint: Joint) -> float:
-    half = (joint.limits.upper - joint.limits.lower) / 2.0
-    return half if math.isfinite(half) and half > 0.0 else 1.0
-
-
-def _clearance_scale(clearance: Clearance) -> float:
-    ends = (clearance.first, clearance.second)
-    radii = sum(segment.radius for segment in ends) + clearance.minimum
-    return radii or sum(math.dist(segment.start, segment.end) for segment in ends) or 1.0
-
-
-def _cone_margin(description: Description, cone: Cone, coordinates: dict[str, Any]) -> Any:
+def _vector(numbers: Mapping[str, Any], name: str) -> Any:
     import casadi
 
-    first, second = _relative_poses(description, cone.link, cone.other_link, coordinates)
-    a, b = (pose[0] @ casadi.DM(axis) for pose, axis in ((first, cone.axis), (second, cone.other_axis)))
+    return casadi.vertcat(*(numbers[f"{name}.{axis}"] for axis in "xyz"))
+
+
+def _cone_margin(cone: Cone, numbers: Mapping[str, Any], places: _Places) -> Any:
+    import casadi
+
+    name = f"cone {cone.name}"
+    (one, _), (other, _) = places.of(cone.link, cone.other_link)
+    a, b = one @ _vector(numbers, f"{name}.axis"), other @ _vector(numbers, f"{name}.other")
     # atan2, because an arccosine loses half of the digits where the axes are nearly parallel
-    return cone.upper - casadi.atan2(_norm(casadi.cross(a, b)), casadi.dot(a, b))
+    return numbers[f"{name}.upper"] - casadi.atan2(_norm(casadi.cross(a, b)), casadi.dot(a, b))
 
 
-def _clearance_margin(description: Description, clearance: Clearance, coordinates: dict[str, Any]) -> Any:
-    import casadi
-
-    one, other = clearance.first, clearance.second
-    poses = _relative_poses(description, one.link, other.link, coordinates)
-
-    def ends(segment: Segment, pose: Any) -> tuple[Any, Any]:
-        rotation, origin = pose
-        return tuple(rotation @ casadi.DM(point) + origin for point in (segment.start, segment.end))
-
-    distance = _segment_distance(*ends(one, poses[0]), *ends(other, poses[1]))
-    return distance - (one.radius + other.radius + clearance.minimum)
+def _clearance_margin(clearance: Clearance, numbers: Mapping[str, Any], places: _Places) -> Any:
+    name = f"clearance {clearance.name}"
+    ends = []
+    poses = places.of(clearance.first.link, clearance.second.link)
+    for side, (rotation, origin) in zip(_SIDES, poses, strict=True):
+        ends += [rotation @ _vector(numbers, f"{name}.{side}.{end}") + origin for end in ("start", "end")]
+    return _segment_distance(*ends) - _gap(name, numbers)
 
 
 def _segment_distance(p0: Any, p1: Any, r0: Any, r1: Any) -> Any:
@@ -291,45 +424,50 @@ def _norm(vector: Any) -> Any:
     return casadi.sqrt(casadi.sumsqr(vector))
 
 
-def _relative_poses(
-    description: Description, first: str, second: str, coordinates: dict[str, Any]
-) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-    """Rotation and origin of two links in the frame of their nearest common ancestor."""
-    paths = [description.path(link) for link in (first, second)]
-    shared = 0
-    for one, other in zip(*paths, strict=False):
-        if one.name != other.name:
-            break
-        shared += 1
-    one, other = (_pose(path[shared:], coordinates) for path in paths)
-    return one, other
+class _Places:
+    """Poses of links on symbols."""
 
+    def __init__(self, description: Description, numbers: Mapping[str, Any], coordinates: Mapping[str, Any]) -> None:
+        self.description, self.numbers, self.coordinates = description, numbers, coordinates
 
-def _pose(path: Sequence[Joint], coordinates: dict[str, Any]) -> tuple[Any, Any]:
-    import casadi
+    def of(self, first: str, second: str) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        """Rotation and origin of two links in the frame of their nearest common ancestor."""
+        paths = [self.description.path(link) for link in (first, second)]
+        shared = 0
+        for one, other in zip(*paths, strict=False):
+            if one.name != other.name:
+                break
+            shared += 1
+        one, other = (self._along(path[shared:]) for path in paths)
+        return one, other
 
-    rotation, origin = casadi.SX.eye(3), casadi.SX.zeros(3)
-    for joint in path:
-        fixed = _chopped(joint.origin.rotation())
-        origin = origin + rotation @ casadi.DM(joint.origin.xyz)
-        if joint.type == "fixed":
-            rotation = rotation @ casadi.DM(fixed)
-            continue
-        if not joint.is_single_coordinate or joint.name not in coordinates:
-            raise UnsupportedError(f"joint {joint.name!r} is {joint.type}: constraints need joints of one coordinate")
-        value, axis = coordinates[joint.name], np.array(joint.axis)
-        if joint.type == "prismatic":
-            rotation = rotation @ casadi.DM(fixed)
-            origin = origin + rotation @ casadi.DM(axis) * value
-        else:
-            x, y, z = axis
-            cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-            along = np.outer(axis, axis)
-            sine, cosine = casadi.sin(value), casadi.cos(value)
-            parts = (_chopped(fixed @ part) for part in (along, cross, np.eye(3) - along))
-            still, turning, turned = map(_sparse, parts)
-            rotation = rotation @ (still + sine * turning + cosine * turned)
-    return rotation, origin
+    def _along(self, path: Sequence[Joint]) -> tuple[Any, Any]:
+        import casadi
+
+        rotation, origin = casadi.SX.eye(3), casadi.SX.zeros(3)
+        for joint in path:
+            fixed = _chopped(joint.origin.rotation())
+            origin = origin + rotation @ _vector(self.numbers, f"{joint.name}.origin")
+            if joint.type == "fixed":
+                rotation = rotation @ casadi.DM(fixed)
+                continue
+            if not joint.is_single_coordinate or joint.name not in self.coordinates:
+                raise UnsupportedError(
+                    f"joint {joint.name!r} is {joint.type}: constraints need joints of one coordinate"
+                )
+            value, axis = self.coordinates[joint.name], np.array(joint.axis)
+            if joint.type == "prismatic":
+                rotation = rotation @ casadi.DM(fixed)
+                origin = origin + rotation @ casadi.DM(axis) * value
+            else:
+                x, y, z = axis
+                cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+                along = np.outer(axis, axis)
+                sine, cosine = casadi.sin(value), casadi.cos(value)
+                parts = (_chopped(fixed @ part) for part in (along, cross, np.eye(3) - along))
+                still, turning, turned = map(_sparse, parts)
+                rotation = rotation @ (still + sine * turning + cosine * turned)
+        return rotation, origin
 
 
 def _chopped(matrix: np.ndarray) -> np.ndarray:

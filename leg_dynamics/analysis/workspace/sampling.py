@@ -19,7 +19,16 @@ import numpy as np
 from leg_dynamics.analysis.workspace.poses import PoseEvaluator, Poses
 from leg_dynamics.errors import LegDynamicsWarning, ParameterError, WorkspaceError
 
-__all__ = ["CONFIDENCE", "Estimate", "Level", "Reachable", "cartesian_volume", "choose_sign", "reachable_set"]
+__all__ = [
+    "CONFIDENCE",
+    "Estimate",
+    "Level",
+    "Reachable",
+    "cartesian_volume",
+    "choose_sign",
+    "reachable_set",
+    "sobol_sequence",
+]
 
 REPLICATES = 16
 CONFIDENCE = 0.99
@@ -78,7 +87,7 @@ def choose_sign(evaluate: PoseEvaluator, q: np.ndarray) -> float:
     if home.feasible[0] and home.condition[0] < 1e6:
         return math.copysign(1.0, float(home.volume[0]))
     lower, upper, _ = evaluate.box()
-    poses = evaluate(lower + (upper - lower) * _sequence(3, 0).random(4096 if evaluate.is_compiled else 512))
+    poses = evaluate(lower + (upper - lower) * sobol_sequence(3, 0).random(4096 if evaluate.is_compiled else 512))
     volume = poses.volume[poses.feasible]
     return math.copysign(1.0, float(volume.sum())) if volume.size else 0.0
 
@@ -129,7 +138,7 @@ def reachable_set(
         raise ParameterError(f"most_samples = {most!r} must be a whole number, at least {REPLICATES << _FIRST}")
     lower, upper, _ = evaluate.box()
     cell = float(np.prod(upper - lower))
-    sequences = [_sequence(len(lower), seed * REPLICATES + k) for k in range(REPLICATES)]
+    sequences = [sobol_sequence(len(lower), seed * REPLICATES + k) for k in range(REPLICATES)]
     # per replicate: integrals of 1, k, k^2 over the volume, and the other sign's volume, all times the samples
     sums = np.zeros((REPLICATES, 4))
     levels: list[Level] = []
@@ -214,7 +223,7 @@ def cartesian_volume(
         Samples taken.
     """
     check_tolerance(tolerance)
-    sequences = [_sequence(3, 7919 + seed * REPLICATES + k) for k in range(REPLICATES)]
+    sequences = [sobol_sequence(3, 7919 + seed * REPLICATES + k) for k in range(REPLICATES)]
     cell, hits = float(np.prod(upper - lower)), np.zeros(REPLICATES)
     each, added, volume = 0, 1 << _FIRST, Estimate(0.0, math.inf)
     while REPLICATES * (each + added) <= most_samples:
@@ -237,7 +246,8 @@ def check_tolerance(tolerance: Any) -> None:
         )
 
 
-def _sequence(dimensions: int, seed: int) -> Any:
+def sobol_sequence(dimensions: int, seed: int) -> Any:
+    """A scrambled Sobol sequence, `scipy.stats.qmc.Sobol`; the same for the same seed."""
     from scipy.stats import qmc
 
     # `seed`, which SciPy before 1.15 knows as well

@@ -35,11 +35,11 @@ def reproduce(progress: Progress | None = None, *, seed: int = 0, samples: int =
         The seed or the number of samples is not usable.
     """
     samples = whole("samples", samples, 1)
-    from leg_dynamics.papers.hexapod_leg import claims, equations, figures, screws, study, trends
+    from leg_dynamics.papers.hexapod_leg import claims, equations, figures, screws, second, study, trends
 
     return _reproduce(
         Context("hexapod_leg", seed=seed, samples=samples),
-        (equations, figures, screws, claims, trends, study),
+        (equations, figures, screws, claims, trends, study, second),
         paper=PAPER,
         title="The hexapod leg of Rong et al. 2012, reproduced",
         progress=progress,

@@ -12,7 +12,7 @@ import numpy as np
 from leg_dynamics.papers.comparison import EXACT
 from leg_dynamics.papers.figures import COLOURS, STYLES, drawing, dress, legend_below, shade
 from leg_dynamics.papers.framework import Context, Figure, Plot, Section, Status, Verdict
-from leg_dynamics.papers.hexapod_leg import printed, reported, study, trends
+from leg_dynamics.papers.hexapod_leg import printed, reported, second, study, trends
 from leg_dynamics.papers.hexapod_leg.claims import clearance, coupling_ratio, out_of_plane
 from leg_dynamics.papers.hexapod_leg.facts import facts_of, preliminary, preliminary_workspace, workspace_of
 from leg_dynamics.papers.hexapod_leg.gait import ASSUMED, SUPPORT, Walk, walk
@@ -206,6 +206,9 @@ def figure_6(context: Context) -> Verdict:
     accept = reported.ACCEPTED
     with np.errstate(invalid="ignore"):
         count = int((drawn.far_enough & (drawn.mean <= accept["kbar"])).sum())
+    again = second.designs_again(context)
+    accepted = (again.length >= accept["L"]) & (again.back >= accept["Z"])
+    own = drawn.far_enough[again.rows]
     return Verdict(
         "Fig. 6",
         "figure",
@@ -213,7 +216,9 @@ def figure_6(context: Context) -> Verdict:
         judge(0.0 if count else 1.0, 0.0),
         f"With k̄ ≤ {accept['kbar']:g} no design is left to draw. With L and Z alone the chosen values are at "
         + ", ".join(f"{100 * found[3]:.0f} % ({trends.NAMES[name]})" for name, found in shares.items())
-        + " of the accepted ones: a and b are ordinary, l₂min and l₂max lie near the edges.",
+        + " of the accepted ones: a and b are ordinary, l₂min and l₂max lie near the edges. Of the first "
+        f"{len(again.rows)} designs L and Z by poses of the leg's file accept {int(accepted.sum())}, and by the "
+        f"formulas {int(own.sum())}; {int((accepted != own).sum())} are accepted by one only.",
         tuple(
             Figure(f"{trends.NAMES[name]}, {which}", value, "m", "designs that meet L and Z, Z behind")
             for name, found in shares.items()
@@ -249,6 +254,8 @@ def figure_9(context: Context) -> Verdict:
     lower, upper = context.limits
     walks = [walk(context, *each) for each in ASSUMED]
     inside = [bool(((each.q >= lower) & (each.q <= upper)).all()) for each in walks]
+    robots = [second.walk_again(context, *each) for each in ASSUMED]
+    nearest = [each.nearest_limits()[0] for each in robots]
     return Verdict(
         "Fig. 9",
         "figure",
@@ -256,17 +263,38 @@ def figure_9(context: Context) -> Verdict:
         # Nothing about the gait but its name is given.
         Status.NOT_REPRODUCIBLE,
         f"Period, stride, clearance, duty factor, path and body are not given. {sum(inside)} of {len(walks)} assumed "
-        "foot "
-        f"cycles, with strides up to {1e3 * max(each.stride for each in walks):.0f} mm, stay inside the limits of "
-        "length.",
-        tuple(
-            Figure(
-                f"least margin, stride {1e3 * each.stride:.0f} mm, {each.period:g} s",
-                float(np.minimum(each.q - lower, upper - each.q).min()),
-                "m",
-                "assumed foot cycle",
-            )
-            for each in walks
+        f"foot cycles, with strides up to {1e3 * max(each.stride for each in walks):.0f} mm, stay inside the limits of "
+        f"length. On the robot of the shipped file, with U joints, balls, tubes and clearances counted, "
+        f"{sum(all(limit.holds for limit in each.limits) for each in robots)} break no limit, and "
+        f"{sum(bool(each.margin.min() > 0.0) for each in robots)} keep the centre of mass inside the standing feet.",
+        (
+            *(
+                Figure(
+                    f"least margin, stride {1e3 * each.stride:.0f} mm, {each.period:g} s",
+                    float(np.minimum(each.q - lower, upper - each.q).min()),
+                    "m",
+                    "assumed foot cycle",
+                )
+                for each in walks
+            ),
+            *(
+                Figure(
+                    f"nearest of all limits, stride {1e3 * each.walk.stride:.0f} mm, {each.walk.period:g} s",
+                    limit.least,
+                    limit.unit,
+                    f"{limit.name} at {each.time[limit.row]:.3g} s",
+                )
+                for each, limit in zip(robots, nearest, strict=True)
+            ),
+            *(
+                Figure(
+                    f"static stability margin, stride {1e3 * each.walk.stride:.0f} mm, {each.walk.period:g} s",
+                    float(each.margin.min()),
+                    "m",
+                    "least over the cycle, assumed hips and body",
+                )
+                for each in robots
+            ),
         ),
     )
 
@@ -274,6 +302,7 @@ def figure_9(context: Context) -> Verdict:
 def figure_10(context: Context) -> Verdict:
     """Speeds of the struts."""
     walks = [walk(context, *each) for each in ASSUMED]
+    again = second.gait_difference(context)
     return Verdict(
         "Fig. 10",
         "figure",
@@ -284,7 +313,9 @@ def figure_10(context: Context) -> Verdict:
         + ", ".join(f"{1e3 * np.abs(each.rates[each.stance]).max():.0f}" for each in walks)
         + " mm/s at most, the swing for "
         + ", ".join(f"{1e3 * np.abs(each.rates).max():.0f}" for each in walks)
-        + f" mm/s, at body speeds of {', '.join(f'{each.speed:g}' for each in walks)} m/s.",
+        + f" mm/s, at body speeds of {', '.join(f'{each.speed:g}' for each in walks)} m/s. The six legs of the robot's "
+        f"file, by the numeric route, move the same: {again.speed:.0e} m/s is the greatest difference in "
+        f"{again.instants} poses.",
         tuple(
             Figure(
                 f"strut {k + 1}, {phase}, {each.speed:g} m/s in {each.period:g} s", value, "m/s", "assumed gait, peak"
