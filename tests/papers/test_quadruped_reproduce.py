@@ -1,0 +1,75 @@
+"""The whole reproduction of the modular quadruped's paper."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from leg_dynamics import papers
+from leg_dynamics.errors import ParameterError
+from leg_dynamics.papers import quadruped
+from leg_dynamics.papers.framework import Status
+
+
+def test_the_paper_is_found():
+    assert papers.names() == ("hexapod_leg", "omnileg", "quadruped")
+    assert papers.find("quadruped") is quadruped
+
+
+@pytest.mark.parametrize("options", [{"samples": 0}, {"samples": 1.5}, {"seed": -1}, {"seed": "a"}])
+def test_unusable_options_are_named_errors(options):
+    with pytest.raises(ParameterError, match=f"{next(iter(options))} must be a whole number, at least"):
+        quadruped.reproduce(**options)
+
+
+def test_help_names_every_paper():
+    from typer.testing import CliRunner
+
+    from leg_dynamics.cli import app
+
+    text = CliRunner().invoke(app, ["reproduce", "--help"], env={"COLUMNS": "200", "NO_COLOR": "1"}).output
+    for name in papers.names():
+        assert name in text
+
+
+def test_two_runs_give_the_same_numbers_and_all_is_there():
+    told = []
+    report = quadruped.reproduce(lambda what, share: told.append(share))
+    assert report.passed, [check for check in report.checks if not check.passed]
+    assert told == sorted(told)
+    items = [verdict.item for verdict in report.verdicts]
+    assert [item for item in items if item.startswith("(")] == [f"({n})" for n in range(1, 14)]
+    assert {"Table 1"} | {f"Fig. {n}" for n in range(1, 10)} <= set(items)
+    known = set(items)
+    for plot in report.plots:
+        assert set(plot.items) <= known, plot.name
+    placed = [name for section in report.sections for name in section.plots]
+    assert sorted(placed) == sorted(plot.name for plot in report.plots)
+    for verdict in report.verdicts:
+        if verdict.status is Status.CORRECTED:
+            assert verdict.printed, verdict.item
+            assert verdict.corrected, verdict.item
+    assert "null" not in report.to_json()
+    json.loads(report.to_json())
+    assert quadruped.reproduce().to_json() == report.to_json()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_statuses_do_not_depend_on_the_seed(seed):
+    first, other = quadruped.reproduce(), quadruped.reproduce(seed=seed)
+    assert other.passed
+    assert {v.item: v.status for v in other.verdicts} == {v.item: v.status for v in first.verdicts}
+
+
+@pytest.mark.slow
+def test_the_page(tmp_path):
+    report = quadruped.reproduce()
+    page, *_ = report.write(tmp_path / "one")
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<tr id=") == len(report.verdicts)
+    assert text.count("<img") == len(report.plots)
+    assert "http" not in text.split("<main>")[1].split("<footer>")[0].replace("http://www.w3.org", "")
+    again, *_ = quadruped.reproduce().write(tmp_path / "two")
+    assert again.read_text(encoding="utf-8") == text
