@@ -125,11 +125,11 @@ def reduce_coordinates(description: Description, relations: Sequence[Relation] =
             continue
         candidates = [name for name in sums if name not in independent]
         if not candidates:
-            raise DescriptionError(
-                f"coupling {equation.name!r} ties the independent joints {', '.join(sums)} to each other: mark one of "
-                'them independent="false"',
-                file=description.file,
-            )
+            tied = ", ".join(sums)
+            says = f"ties the independent joints {tied} to each other: mark one of them"
+            if len(sums) == 1:
+                says = f"and the other couplings hold the independent joint {tied} still: mark it"
+            raise DescriptionError(f'coupling {equation.name!r} {says} independent="false"', file=description.file)
 
         def preference(name: str, sums: dict[str, float] = sums) -> tuple[bool, int]:
             whole = all(abs(c / sums[name] - round(c / sums[name])) < CANCELLED for c in sums.values())

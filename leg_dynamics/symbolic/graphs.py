@@ -326,14 +326,18 @@ class _Build:
         slowest = casadi.fmax(speed / WALK_STEP**2, squared * (regularity.bend_share / WALK_PHASE**2))
         allowed = casadi.fmin(allowed, 1.0 / casadi.sqrt(slowest + 1e-12))
         off = total((x / unit) * (x / unit) for x, unit in zip(correction, units[n:], strict=True))
-        # NaN behind a singular pose, and where the walk has lost the closed pose: the row ends.
-        fine = casadi.fmin(f, WALK_LOST**2 - off) if nz else f
-        fine = casadi.sqrt(fine) / casadi.sqrt(casadi.fabs(fine))
+        # NaN behind a singular pose, and where the walk has lost the closed pose: the row ends. Newton's iterates where
+        # no closed pose is left wander about until they fall into another mode, but not without a change of sign.
+        fine = casadi.fmin(f, regularity.sign * value)
+        fine = casadi.fmin(fine, WALK_LOST**2 - off) if nz else fine
+        # 0 or NaN. Added, since CasADi takes a factor into the choice below, which then takes NaN out again.
+        lost = casadi.sqrt(fine) - casadi.sqrt(casadi.fabs(fine))
         left = 1.0 - s
-        ahead = casadi.fmin(allowed, left) * fine
+        ahead = casadi.fmin(allowed, left)
         if nz:
             ahead = casadi.if_else(off <= WALK_ON**2, ahead, 0.0)
-        residual = (total(casadi.fabs(x) for x in there.residuals) + casadi.fabs(left)) * fine
+        ahead = ahead + lost
+        residual = total(casadi.fabs(x) for x in there.residuals) + casadi.fabs(left) + lost
         step = [x - ahead * y for x, y in zip(correction, tangent, strict=True)]
         start = [casadi.SX(float(x)) for x in [*model.seed[n:], 0.0]]
         return Solver(

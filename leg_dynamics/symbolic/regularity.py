@@ -133,6 +133,8 @@ class Regularity:
         go round and round. Without meaning where `crosses`.
     block : Block or None
         Whose determinant tells, where `crosses`.
+    sign : float
+        The determinant's at home. It changes where a way leaves its assembly mode.
     scale : float
         Usual size of the determinant squared.
     floor : float
@@ -146,6 +148,7 @@ class Regularity:
     lower: np.ndarray
     upper: np.ndarray
     block: Block | None = None
+    sign: float = 1.0
     scale: float = 1.0
     floor: float = 0.0
     bend: float = 0.0
@@ -222,7 +225,8 @@ def measured(regularity: Regularity, block: Block, ways: Ways) -> Regularity:
     count = ways.poses.shape[0] * ways.poses.shape[1]
     flat = ways.poses.reshape(count, -1)
     value = block.determinant(Motion([flat[:, k] for k in range(flat.shape[1])]))
-    f = np.broadcast_to(np.asarray(value, dtype=float), count).reshape(ways.following.shape) ** 2
+    values = np.broadcast_to(np.asarray(value, dtype=float), count).reshape(ways.following.shape)
+    f = values**2
     scale = float(np.median(f[ways.following]))
     if not scale > 0.0:
         scale = 1.0
@@ -234,6 +238,7 @@ def measured(regularity: Regularity, block: Block, ways: Ways) -> Regularity:
     return replace(
         regularity,
         block=block,
+        sign=float(np.sign(values[0, 0])),
         scale=scale,
         floor=min(FLOOR, SEED_FLOOR * float(share[0, 0])),
         bend=bend,

@@ -80,8 +80,9 @@ class SymbolicRoute:
     """Any description's kinematics and dynamics by compiled graphs: immutable, safe to use from several threads.
 
     Graphs are made and compiled when a method is first called, and kept in the kernels' cache. Where loops need
-    iteration, a single sample starts from this thread's last closed pose if that is nearer than the home pose, and may
-    depend on it at the level of rounding; a batch always starts from the home pose.
+    iteration, every sample is reached from the home pose. The one exception are mechanisms whose ways from home meet no
+    singular pose: there a single sample starts from this thread's last closed pose if that is nearer, and may depend on
+    it at the level of rounding.
 
     Parameters
     ----------
@@ -178,7 +179,9 @@ class SymbolicRoute:
         """Digest of everything that the graphs come from."""
         from leg_dynamics.kernels.cache import key_of, source_fingerprint
 
-        sources = (source_fingerprint(f"leg_dynamics.{room}") for room in ("symbolic", "description"))
+        # A home pose that the seed finds depends on the room that searches for it.
+        rooms = ("symbolic", "description") if self._seed is None else ("symbolic", "description", "mechanism")
+        sources = (source_fingerprint(f"leg_dynamics.{room}") for room in rooms)
         readers = (f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "scipy", "casadi"))
         found = "" if self._seed is None else f"{self._seed.__module__} {self._seed.__qualname__}"
         return key_of(self._description.urdf, str(self._foot), str(self._hip), found, *sources, *readers)
@@ -363,9 +366,9 @@ class SymbolicRoute:
     def _name_failure(self, method: str, sample: np.ndarray, row: int, failures: RowFailures) -> None:
         """Report why a row failed; one whose result is too large is left to the interface."""
         if not np.isfinite(self._call("tree_coordinates", (sample,))).all():
-            failures.add(row, self._not_closed(sample))
+            failures.add(row, self._not_closed(method, sample))
         elif (
-            method.split("_", maxsplit=1)[0] in MAY_BE_SINGULAR
+            method.removeprefix("free_").split("_", maxsplit=1)[0] in MAY_BE_SINGULAR
             and np.isfinite(self._call("mass_matrix", (sample,))).all()
         ):
             failures.add(row, self._singular(method, sample))
@@ -373,10 +376,13 @@ class SymbolicRoute:
     def _pose(self, y: np.ndarray) -> str:
         return ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.joint_names, y, strict=True))
 
-    def _not_closed(self, y: np.ndarray) -> AssemblyError:
+    def _not_closed(self, method: str, y: np.ndarray) -> AssemblyError:
+        advice = ", or use route='pinocchio', which says which"
+        if method.endswith("_derivatives"):
+            advice = "; the values may exist by route='pinocchio', and their differences serve instead of derivatives"
         return AssemblyError(
             f"the loops could not be closed at {self._pose(y)} in the assembly mode of the home pose, or are nearly "
-            "singular there: stay inside this mode's reach, or use route='pinocchio', which says which",
+            f"singular there: stay inside this mode's reach{advice}",
             residual=np.nan,
         )
 
@@ -386,6 +392,7 @@ class SymbolicRoute:
             if method.startswith("acceleration")
             else "the actuators do not hold every motion"
         )
+        method = method.removeprefix("free_")
         return SingularityError(f"{method} is not determined at {self._pose(y)}: {reason}; move away from this pose")
 
     def _gravity(self, gravity: np.ndarray | None) -> np.ndarray:
@@ -508,6 +515,8 @@ class SymbolicRoute:
         def retry(route: Route, pick: Any, inner: RowFailures) -> np.ndarray:
             return route.torque(pick(q), pick(v), pick(a), pick(foot_force), pick(gravity), inner)
 
+        if foot_force is None and gravity is None:
+            return self._run(FREE_TORQUE, (q, v, a), failures, retry, (len(self.actuator_joints),))
         arguments = (q, v, a, *self._force(foot_force), self._gravity(gravity))
         return self._run("torque", arguments, failures, retry, (len(self.actuator_joints),))
 

@@ -26,15 +26,16 @@ FOREIGN = (*FOREIGN, "revolute_rotor_chain")
 LOOP_ROWS = {"revolute": 5, "continuous": 5, "prismatic": 5, "fixed": 6, "planar": 3, "spherical": 3, "universal": 4}
 
 
-def _load_evaluator():
-    spec = importlib.util.spec_from_file_location("symbolic_evaluate", Path(__file__).with_name("evaluate.py"))
+def _load(name):
+    spec = importlib.util.spec_from_file_location(f"symbolic_{name}", Path(__file__).with_name(f"{name}.py"))
     module = importlib.util.module_from_spec(spec)
-    sys.modules["symbolic_evaluate"] = module
+    sys.modules[f"symbolic_{name}"] = module
     spec.loader.exec_module(module)
     return module
 
 
-evaluate = _load_evaluator()
+# Not in the search path of modules: other rooms' tests have names of their own.
+evaluate, oracle, mechanisms = map(_load, ("evaluate", "oracle", "mechanisms"))
 
 
 def words(values) -> str:
@@ -284,5 +285,5 @@ def shared_models():
 
 @pytest.fixture(scope="session")
 def lab():
-    """This file's builders, and the evaluator."""
+    """This file's builders, the evaluator, the oracle and the random mechanisms."""
     return sys.modules[__name__]

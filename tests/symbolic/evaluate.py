@@ -20,7 +20,7 @@ def evaluator(program):
             for array, arg in zip(arrays, program.inputs, strict=True)
         ]
         results = _evaluate(program, columns, count) if count else [np.zeros((arg.size, 0)) for arg in program.outputs]
-        shaped = [result.T.reshape(*lead, *arg.shape) for result, arg in zip(results, program.outputs, strict=True)]
+        shaped = [result.T.reshape((*lead, *arg.shape)) for result, arg in zip(results, program.outputs, strict=True)]
         return shaped[0] if len(shaped) == 1 else tuple(shaped)
 
     return call

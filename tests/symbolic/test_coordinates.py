@@ -44,3 +44,10 @@ def test_parameters_have_names(lab):
     assert numbers.nominal.tolist() == [description.link("crank_link").inertial.mass]
     with pytest.raises(ParameterError):
         Numbers.of(description).with_symbols(["nothing.mass"])
+
+
+def test_couplings_that_leave_an_independent_joint_no_motion(lab):
+    again = '<coupling name="again"><predecessor link="driver_link"/><successor link="driven_link"/>'
+    text = lab.gears().replace("<configuration", f'{again}<ratio value="3"/></coupling><configuration', 1)
+    with pytest.raises(DescriptionError, match="'again' and the other couplings hold the independent joint driver"):
+        reduce_coordinates(parse(text))
