@@ -27,8 +27,9 @@ __all__ = [
 # A configuration may be written with rounded numbers; it must still be close to a closed pose.
 SEED_CORRECTION = 0.05
 REGULAR = 1e-6
-# Multi-start has the choice: it leaves poses alone that are nearly singular.
+# Multi-start has the choice: it leaves poses alone that are nearly singular, by themselves and beside the others.
 WELL_REGULAR = 1e-3
+REGULAR_SHARE = 0.3
 SAME_POSE = 1e-6
 DISTINCT_POSE = 1e-3
 MULTI_START_ATTEMPTS = 60
@@ -178,6 +179,9 @@ def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) ->
             found.append(state)
         if len(found) >= MULTI_START_POSES:
             break
+
+    usual = float(np.median([state.smallest_pivot for state in found])) if found else 0.0
+    found = [state for state in found if state.smallest_pivot >= REGULAR_SHARE * usual]
 
     def nearness(state: ClosedState) -> tuple[float, ...]:
         return (round(float(np.linalg.norm((state.q - start) / unit)), 9), *state.q.tolist())

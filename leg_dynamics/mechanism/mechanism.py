@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -47,6 +49,15 @@ SAFE_CORRECTION = 0.01
 RANK_TOLERANCE = 1e-9
 # At a dead centre G grows like 1/sigma, at a bifurcation it does not: their product tells them apart.
 DEAD_CENTRE = 0.03
+# What a result promises, relative to 1 + its largest magnitude: the tolerance that routes must agree within.
+PROMISED = 1e-9
+# Rounding of one residual, in units of the loop ends' distance from the world's origin plus a length of the mechanism.
+ROUNDING = 2.0**-52
+# Poses whose inverse is larger than this are brought to the limit of rounding, and what is computed there is doubted.
+# Rounding moves the pose by eps / sigma, G by eps / sigma**2 and g by eps / sigma**3: above sigma = 0.02 that stays
+# below 1e-10 at joint speeds of 5 rad/s.
+DOUBTFUL_INVERSE = 50.0
+SETTLING_STEPS = 3
 # Pivots of the mass matrix with unit diagonal: below this a motion has no mass of its own.
 SMALLEST_MASS = 1e-13
 
@@ -59,7 +70,7 @@ class ClosedState:
     `ClosureRows`; `dependent_jacobian` (r, nv - n) the dependent columns of K per unit of `Closure.coordinate_unit`;
     `factor` and `triangle` its QR factors; `smallest_pivot` the smallest |R_ii| over the largest or 1, NaN before it
     was measured; `G` (nv, n) per rad and m. `inverse_norm` bounds 1 / (smallest singular value) from above once it was
-    asked for, else 0.
+    asked for (`Mechanism.inverse_norm`), else 0.
     """
 
     y: np.ndarray
@@ -157,6 +168,9 @@ class Mechanism:
         self._has_lengths = bool((unit != 1.0).any())
         self._selection = np.zeros((self.nv, self.n))
         self._selection[self.independent, np.arange(self.n)] = 1.0
+        self._is_open = self.closure.rows == 0
+        none = np.zeros((0, 3))
+        self._no_rows = ClosureRows(np.zeros(0), np.zeros((0, self.nv)), np.zeros((0, 6)), none, none)
         if self.closure.rows < len(self.dependent):
             raise DescriptionError(
                 f"{len(self.dependent)} dependent joints but only {self.closure.rows} loop and coupling rows: the "
@@ -350,6 +364,14 @@ class Mechanism:
             return None
         return state
 
+    def inverse_norm(self, state: ClosedState) -> float:
+        """Bound from above of 1 / (smallest singular value) of the dependent columns; 0 without dependent joints."""
+        if state.inverse_norm == 0.0 and len(self.dependent):
+            # The reflectors below the diagonal count as well: a safe bound, and dtrtri wakes no threads.
+            inverse = lapack.dtrtri(state.triangle)[0].ravel("K")
+            state.inverse_norm = math.sqrt(inverse.dot(inverse))
+        return state.inverse_norm
+
     def _crosses_singularity(self, before: ClosedState, after: ClosedState) -> bool:
         """Whether the closure may have been singular between two neighbouring poses.
 
@@ -358,11 +380,7 @@ class Mechanism:
         |K2 - K1| is below the smallest singular value of K1.
         """
         change = (after.dependent_jacobian - before.dependent_jacobian).ravel("K")
-        if before.inverse_norm == 0.0:
-            # The reflectors below the diagonal count as well: a safe bound, and dtrtri wakes no threads.
-            inverse = lapack.dtrtri(before.triangle)[0].ravel("K")
-            before.inverse_norm = math.sqrt(inverse.dot(inverse))
-        if math.sqrt(change.dot(change)) * before.inverse_norm < 1.0:
+        if math.sqrt(change.dot(change)) * self.inverse_norm(before) < 1.0:
             return False
         eigenvalues = np.linalg.eigvals(self._solve(before, after.dependent_jacobian))
         return bool((eigenvalues.real <= 0.0).any())
@@ -504,6 +522,11 @@ class Mechanism:
         DescriptionError
             The independent joints do not fit the mechanism's mobility.
         """
+        if self._is_open:
+            # Every joint of the tree is independent, in an order of its own.
+            q = np.empty(self.nv)
+            q[self.independent] = y
+            return self._state(q, self._no_rows)
         work = self._workspace
         last = work.last
         if last is not None:
@@ -513,17 +536,124 @@ class Mechanism:
             if distance <= CONTINUATION_STEP:
                 state = self.advance(last, y)
                 if state is not None:
-                    work.last = state
-                    return state
+                    work.last = self._settled(state)
+                    return work.last
         failure: AssemblyError | SingularityError | None = None
         for seed in sorted(self.seeds, key=lambda seed: self.distance(y - seed.y)):
             try:
-                work.last = self.follow(seed, y)
+                work.last = self._settled(self.follow(seed, y))
                 return work.last
             except (AssemblyError, SingularityError) as error:
                 failure = failure if failure is not None else error
         assert failure is not None
         raise failure
+
+    def unwound(self, q: np.ndarray) -> np.ndarray:
+        """Tree coordinates (nv,) with passive angles within half a turn of the first seed's.
+
+        Whole turns are no other pose, and how many there are depends on the way that the closure took. Angles in
+        couplings stay: there a turn counts.
+        """
+        result = q.copy()
+        passive = self._turning
+        if not passive.size:
+            return result
+        home = self.seeds[0].q[passive]
+        turns = np.round((result[passive] - home) / (2.0 * math.pi))
+        if turns.any():
+            result[passive] -= 2.0 * math.pi * turns
+        return result
+
+    @cached_property
+    def _turning(self) -> np.ndarray:
+        """Places of dependent angles in no coupling."""
+        is_angle = np.array([self.description.joint(name).unit == "rad" for name in self.tree.joint_names])
+        is_free = is_angle & ~self.closure.coupling_matrix.any(axis=0)
+        return np.array([place for place in self.dependent if is_free[place]], dtype=np.intp)
+
+    # ------------------------------------------------------------------ what rounding leaves of a result
+
+    def _noise(self, state: ClosedState) -> float:
+        """Size of the residual's rounding errors, dimensionless."""
+        return ROUNDING * (1.0 + float(np.abs(state.rows.arms).max(initial=0.0)) / self.closure.length)
+
+    def _settled(self, state: ClosedState) -> ClosedState:
+        """The same pose; where it is nearly singular, with Newton continued to the limit of rounding."""
+        if self.inverse_norm(state) <= DOUBTFUL_INVERSE:
+            return state
+        limit = self._noise(state)
+        for _ in range(SETTLING_STEPS):
+            step = self._solve(state, -state.rows.residual.reshape(-1, 1)).ravel()
+            if not math.sqrt(step.dot(step)) > limit * self.inverse_norm(state):
+                break
+            q = state.q.copy()
+            q[self.dependent] += step * self._dependent_unit
+            better = self._state(q, self.evaluate(q))
+            if not better.residual < state.residual:
+                break
+            state = self.complete(better)
+        # After a last, small step of Newton the rows may belong to the pose before it.
+        state = self.complete(self._state(state.q, self.evaluate(state.q)))
+        self.inverse_norm(state)
+        return state
+
+    def singular_values(self, state: ClosedState) -> np.ndarray:
+        """Of the dependent columns per `Closure.coordinate_unit`, dimensionless, falling, shape (nv - n,)."""
+        return np.linalg.svd(state.dependent_jacobian, compute_uv=False)
+
+    def doubtful(self, state: ClosedState) -> bool:
+        """Whether a pose is so nearly singular that its results need a look at `rounding_error`."""
+        return self.inverse_norm(state) > DOUBTFUL_INVERSE
+
+    def rounding_error(self, state: ClosedState, value: np.ndarray, function: Callable[[ClosedState], Any]) -> float:
+        """How far rounding of the loops' residual moves a result, relative to 1 + its largest magnitude.
+
+        The residual is known to some 1e-16 only. In the direction of a singular value sigma the pose is then known to
+        1e-16 / sigma. The result is computed once more at the pose moved by that much, for each small singular value,
+        and the changes are added. 0 where no singular value is small; NaN where the result is not finite.
+
+        Parameters
+        ----------
+        state : ClosedState
+        value : array
+            ``function(state)``.
+        function : callable
+            The result as a function of the closed state.
+        """
+        if not self.doubtful(state):
+            return 0.0
+        _, sigma, directions = np.linalg.svd(state.dependent_jacobian, full_matrices=False)
+        noise = self._noise(state)
+        change = np.zeros(np.shape(value))
+        for k in np.flatnonzero(sigma * DOUBTFUL_INVERSE < 1.0):
+            q = state.q.copy()
+            q[self.dependent] += noise / sigma[k] * directions[k] * self._dependent_unit
+            change += np.abs(function(self.complete(self._state(q, self.evaluate(q)))) - value)
+        return float(change.max(initial=0.0) / (1.0 + np.abs(value).max(initial=0.0)))
+
+    def check_rounding(self, state: ClosedState, value: np.ndarray, function: Callable[[ClosedState], Any]) -> None:
+        """Refuse a result at a nearly singular pose that rounding alone moves by more than `PROMISED`.
+
+        Raises
+        ------
+        SingularityError
+            Carries `error`, `limit` and `smallest_singular_value`; `margin` is the limit minus the error.
+        """
+        error = self.rounding_error(state, value, function)
+        if error <= PROMISED or not np.isfinite(value).all():
+            return
+        sigma = self.singular_values(state)
+        raise SingularityError(
+            f"the closure is nearly singular at {self.pose_text(state.y)}: smallest singular value {sigma[-1]:.3g} of "
+            f"largest {sigma[0]:.3g}, so that rounding changes this result by {error:.3g} of 1 + its magnitude, the "
+            f"limit is {PROMISED:g}: move away from this pose; what depends on the velocity is known better at a lower "
+            "speed",
+            margin=PROMISED - error,
+            error=error,
+            limit=PROMISED,
+            smallest_singular_value=float(sigma[-1]),
+            residual=state.residual,
+        )
 
     # ------------------------------------------------------------------ kinematics
 
@@ -572,6 +702,21 @@ class Mechanism:
         self.place(state)
         return self.hip_rotation.T @ (self.tree_foot_jacobian() @ state.G)
 
+    def foot_motion(self, state: ClosedState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position (3,) m, rotation R_HF (3, 3) and geometric Jacobian (6, n) of the foot, hip frame.
+
+        The Jacobian's first three rows give the foot's velocity, the others its angular velocity.
+        """
+        frame = self._need_foot()
+        self.place(state)
+        work = self._workspace
+        rows = work.memory.rows()
+        axes, origin = rows[4 * frame : 4 * frame + 3], rows[4 * frame + 3]
+        to_hip = self.hip_rotation.T
+        jacobian = pin.getFrameJacobian(work.model, work.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape((6, self.nv))
+        whole = jacobian @ state.G
+        return to_hip @ (origin - self.hip_origin), to_hip @ axes.T, np.vstack([to_hip @ whole[:3], to_hip @ whole[3:]])
+
     def foot_bias_acceleration(self, state: ClosedState, v: np.ndarray) -> np.ndarray:
         """Foot acceleration in the hip frame at ydd = 0, m/s², shape (3,)."""
         frame = self._need_foot()
@@ -616,7 +761,9 @@ class Mechanism:
         """Open-tree joint torques of the closed motion, rnea(q, G yd, G ydd + g) plus joint friction, shape (nv,)."""
         work = self._workspace
         qd = state.G.dot(v)
-        qdd = state.G.dot(a) + self.bias_acceleration(state, qd)
+        qdd = state.G.dot(a)
+        if not self._is_open:
+            qdd += self.bias_acceleration(state, qd)
         if gravity is not None:
             self._set_gravity(gravity)
         tau = pin.rnea(work.model, work.data, self.tree.to_configuration(state.q), qd, qdd)
@@ -635,7 +782,9 @@ class Mechanism:
         """Generalised force at y that produces the motion: tau = G^T rnea - J^T foot_force, shape (n,)."""
         tree_torque = self.tree_torque(state, v, a, gravity)
         if foot_force is not None:
-            # The joint Jacobians of this pose are still in the workspace.
+            # Of a closed pose, the joint Jacobians are still in the workspace.
+            if self._is_open:
+                self.place(state)
             tree_torque = tree_torque - self.tree_foot_jacobian().T @ (self.hip_rotation @ foot_force)
         return state.G.T.dot(tree_torque)
 
@@ -708,7 +857,7 @@ class Mechanism:
         SingularityError
             A motion carries no mass, so that its acceleration is not determined.
         """
-        if self.closure.rows == 0 and self.directly_actuated and not self.dissipates:
+        if self._is_open and self.directly_actuated and not self.dissipates:
             work = self._workspace
             effort = np.zeros(self.nv)
             effort[self.actuated] = tau

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,9 @@ import numpy as np
 from leg_dynamics.description.model import Description
 from leg_dynamics.errors import AssemblyError, OutOfReachError, RowError, RowFailures, SingularityError
 from leg_dynamics.mechanism.assembly import SAME_POSE, close_configuration, configuration_coordinates, pose_difference
-from leg_dynamics.mechanism.mechanism import ClosedState, LoopForces, Mechanism
+from leg_dynamics.mechanism.mechanism import DOUBTFUL_INVERSE, ClosedState, LoopForces, Mechanism
 from leg_dynamics.mechanism.mobility import MobilityReport, mobility_report
+from leg_dynamics.mechanism.redundant import RANK_SHARE, PoseSearch, RankReport, rank_report
 
 __all__ = ["PinocchioRoute"]
 
@@ -48,28 +49,35 @@ class PinocchioRoute:
     ) -> np.ndarray:
         """Apply a method of `Mechanism` to the closed state of every row; failing rows stay NaN.
 
-        Rows that overflow have results that are not finite.
+        Rows that overflow have results that are not finite. Rows fail where rounding hides the promised digits.
         """
         # An overflow shows in the result; the warning would not say which row.
         with np.errstate(over="ignore", invalid="ignore"):
             if q.ndim == 1:
                 try:
-                    return function(self.mechanism.close(q), *others)
+                    return self._value(function, q, others)
                 except RowError as error:
                     failures.add(0, error)
                     return np.full(shape, np.nan)
             result = np.full((len(q), *shape), np.nan)
             for row in range(len(q)):
                 try:
-                    state = self.mechanism.close(q[row])
-                    result[row] = function(state, *(None if other is None else other[row] for other in others))
+                    result[row] = self._value(function, q[row], [None if o is None else o[row] for o in others])
                 except RowError as error:
                     failures.add(row, error)
             return result
 
+    def _value(self, function: Row, y: np.ndarray, others: Sequence[Any]) -> np.ndarray:
+        mechanism = self.mechanism
+        state = mechanism.close(y)
+        value = function(state, *others)
+        if state.inverse_norm > DOUBTFUL_INVERSE:
+            mechanism.check_rounding(state, value, lambda moved: function(moved, *others))
+        return value
+
     def tree_coordinates(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Closed tree coordinates, (..., nv)."""
-        return self._rows(lambda state: state.q.copy(), (self.mechanism.nv,), q, (), failures)
+        return self._rows(lambda state: self.mechanism.unwound(state.q), (self.mechanism.nv,), q, (), failures)
 
     def foot_position(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Foot position, (..., 3) m."""
@@ -151,12 +159,102 @@ class PinocchioRoute:
         gravity: np.ndarray | None = None,
     ) -> LoopForces:
         """Minimum-norm forces in the cut loop joints of one sample."""
+        mechanism = self.mechanism
+
+        def wrenches(state: ClosedState) -> np.ndarray:
+            forces = mechanism.loop_forces(state, v, a, foot_force, gravity)
+            return np.array([*np.ravel(list(forces.wrenches.values())), *forces.couplings.values()])
+
         with np.errstate(over="ignore", invalid="ignore"):
-            return self.mechanism.loop_forces(self.mechanism.close(q), v, a, foot_force, gravity)
+            state = mechanism.close(q)
+            if mechanism.doubtful(state):
+                mechanism.check_rounding(state, wrenches(state), wrenches)
+            return mechanism.loop_forces(state, v, a, foot_force, gravity)
 
     def mobility_report(self, samples: int = 20, seed: int = 0) -> MobilityReport:
         """Gruebler count against the rank of the loop rows."""
         return mobility_report(self.mechanism, samples, seed)
+
+    def foot_rotation(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Foot orientation R_HF, (..., 3, 3)."""
+        return self._rows(lambda state: self.mechanism.foot_motion(state)[1], (3, 3), q, (), failures)
+
+    def geometric_jacobian(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Velocity and angular velocity of the foot per independent velocity, (..., 6, n)."""
+        return self._rows(lambda state: self.mechanism.foot_motion(state)[2], (6, self.mechanism.n), q, (), failures)
+
+    def rank_report(
+        self, q: np.ndarray, characteristic_length: float | None = None, tolerance: float = RANK_SHARE
+    ) -> RankReport:
+        """Rank of the geometric Jacobian of one sample."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            J = self._value(lambda state: self.mechanism.foot_motion(state)[2], q, ())
+        return rank_report(self.mechanism, q, J, characteristic_length, tolerance)
+
+    def pose_inverse_kinematics(self, oriented: bool, limits: str, starts: int) -> PoseSearch:
+        """Inverse kinematics of the foot's position, or of its pose."""
+        return PoseSearch(self.mechanism, oriented, limits, starts)
+
+    def smallest_singular_values(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Smallest singular value of the closure, dimensionless, (...,); infinite where no joint is dependent."""
+        mechanism = self.mechanism
+
+        def smallest(state: ClosedState) -> np.ndarray:
+            return np.asarray(mechanism.singular_values(state).min(initial=np.inf))
+
+        with np.errstate(invalid="ignore"):
+            result = np.full(q.shape[:-1], np.nan)
+            for row in np.ndindex(q.shape[:-1]):
+                try:
+                    result[row] = smallest(mechanism.close(q[row]))
+                except RowError as error:
+                    failures.add(int(np.ravel_multi_index(row, q.shape[:-1])) if row else 0, error)
+        return result
+
+    def rounding_errors(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Largest `Mechanism.rounding_error` of what this route computes at some states, (N,).
+
+        Parameters
+        ----------
+        q, v, a : (N, n) array
+
+        Returns
+        -------
+        (N,) array
+            0 away from singular poses of the closure; NaN where the loops do not close.
+        """
+        return np.array([self._rounding_error(*row) for row in zip(q, v, a, strict=True)])
+
+    def _rounding_error(self, y: np.ndarray, v: np.ndarray, a: np.ndarray) -> float:
+        mechanism = self.mechanism
+        try:
+            state = mechanism.close(y)
+        except RowError:
+            return np.nan
+        if not mechanism.doubtful(state):
+            return 0.0
+        idle = np.zeros(len(mechanism.actuated))
+        functions: list[Callable[[ClosedState], np.ndarray]] = [
+            lambda state: state.q,
+            mechanism.mass_matrix,
+            lambda state: mechanism.generalized_force(state, v, a),
+            lambda state: mechanism.acceleration(state, v, idle),
+        ]
+        if self.has_foot:
+            functions += [
+                mechanism.foot_jacobian,
+                lambda state: mechanism.foot_bias_acceleration(state, v),
+                lambda state: mechanism.foot_jacobian_derivative(state, v),
+            ]
+        worst = 0.0
+        for function in functions:
+            try:
+                error = mechanism.rounding_error(state, function(state), function)
+            except RowError:
+                # What does not exist there is no matter of rounding.
+                continue
+            worst = max(worst, error if error == error else np.inf)  # noqa: PLR0124
+        return worst
 
     # ------------------------------------------------------------------ inverse kinematics
 

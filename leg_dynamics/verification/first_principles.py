@@ -214,8 +214,9 @@ def _force_checks(leg: Leg, states: States, add: Add) -> None:
 
     own = coriolis(v)
     speed = np.abs(v).max(axis=1, keepdims=True)
+    speed = np.where(speed > 0.0, speed, 1.0)
     columns = [
-        (coriolis(v + speed * unit) - coriolis(v - speed * unit)) / (4.0 * np.maximum(speed, 1e-300))
+        (coriolis(v + speed * unit) - coriolis(v - speed * unit)) / (4.0 * speed)
         for unit in np.eye(len(leg.joint_names))
     ]
     C = np.stack(columns, axis=-1)

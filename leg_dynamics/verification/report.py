@@ -57,8 +57,12 @@ class CrosscheckReport:
     routes : tuple of str
     samples, seed : int
     checks : tuple of Check
+    compared : int
+        States that were compared: fewer than `samples` where many more drawn did not yield as many.
     left_out : int
-        States that no route can assemble; the others were checked.
+        Further states, which no route can assemble.
+    nearly_singular : int
+        Further states, left out because they are so near a singular closure that rounding hides the digits compared.
     """
 
     leg: str
@@ -66,7 +70,9 @@ class CrosscheckReport:
     samples: int
     seed: int
     checks: tuple[Check, ...]
+    compared: int = 0
     left_out: int = 0
+    nearly_singular: int = 0
 
     @property
     def rows(self) -> tuple[Check, ...]:
@@ -108,7 +114,9 @@ class CrosscheckReport:
             "routes": list(self.routes),
             "samples": self.samples,
             "seed": self.seed,
+            "compared": self.compared,
             "left_out": self.left_out,
+            "nearly_singular": self.nearly_singular,
             "passed": self.passed,
             "checks": [asdict(check) | {"passed": check.passed} for check in self.checks],
         }
@@ -140,8 +148,15 @@ class CrosscheckReport:
                 shown, check.quantity, f"{check.worst:.1e}", f"{check.tolerance:.0e}", str(check.samples), verdict
             )
         caption = ["errors relative to 1 + magnitude"]
+        if self.compared < self.samples:
+            caption.append(f"only {self.compared} of the {self.samples} states asked for were found")
         if self.left_out:
-            caption.append(f"{self.left_out} of {self.samples} states cannot be assembled and were left out")
+            caption.append(f"{self.left_out} more states cannot be assembled and were left out")
+        if self.nearly_singular:
+            caption.append(
+                f"{self.nearly_singular} more states are nearly singular, where rounding hides the digits to compare, "
+                "and were left out"
+            )
         caption += [
             f"{c.quantity}: off by {c.worst:.1e} at " + ", ".join(f"{n} = {x:.6g}" for n, x in c.at.items())
             for c in self.checks

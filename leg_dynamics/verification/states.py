@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from leg_dynamics.errors import RowFailures
 from leg_dynamics.leg import Leg
 
-__all__ = ["States", "domain", "sample_states", "with_room"]
+__all__ = ["States", "domain", "nearly_singular", "sample_states", "smallest_singular_values", "with_room"]
 
 SPEED = 5.0
 ACCELERATION = 50.0
@@ -29,6 +30,10 @@ NEIGHBOUR_DISTANCE = 0.2
 """Numeric closures start from the row before where it is nearer than about this, rad or m."""
 ROOM = {"rad": 0.05, "m": 0.01}
 """Differences need a leg that can be assembled this far around a state: near a singular closure they mean nothing."""
+ROOM_SHARE = 0.1
+"""Nor do they mean anything where the closure's smallest singular value is below this share of its usual size."""
+KNOWN_TO = 1e-10
+"""States at which rounding moves results by more are left out: a tenth of what routes have to agree within."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,12 @@ class States:
     def take(self, rows: np.ndarray) -> States:
         """The states of some rows, in that order."""
         return States(self.q[rows], self.v[rows], self.a[rows], self.foot_force[rows], self.gravity[rows])
+
+    @classmethod
+    def joined(cls, parts: Sequence[States]) -> States:
+        """The states of several, one after the other."""
+        fields = ("q", "v", "a", "foot_force", "gravity")
+        return cls(**{field: np.concatenate([getattr(part, field) for part in parts]) for field in fields})
 
     def first(self, count: int) -> States:
         """The first `count` states."""
@@ -71,11 +82,34 @@ class States:
 
 
 def with_room(leg: Leg, states: States) -> States:
-    """The states around which the leg can be assembled too, in each coordinate's direction."""
-    steps = np.diag([ROOM[unit] for unit in leg.units.joints])
-    around = states.q[:, None] + np.concatenate([np.zeros_like(steps[:1]), steps, -steps])
+    """The states around which the leg can be assembled too, in each coordinate's direction and along the motion.
+
+    Each pose has to be reached from far away: differences take them in another order, after other poses.
+    """
+    room = np.array([ROOM[unit] for unit in leg.units.joints])
+    steps = np.diag(room)
+    along = states.v * np.divide(1.0, np.abs(states.v / room).max(axis=1, initial=1e-300))[:, None]
+    moves = np.concatenate([np.zeros_like(steps[:1]), steps, -steps])[:, None] + np.zeros((len(states), 1))
+    around = states.q + np.concatenate([moves, along[None], -along[None]])
     coordinates = np.stack(list(leg.assemble(around, on_error="nan").values()), axis=-1)
-    return states.take(np.flatnonzero(np.isfinite(coordinates).all(axis=(1, 2))))
+    return states.take(np.flatnonzero(np.isfinite(coordinates).all(axis=(0, 2))))
+
+
+def smallest_singular_values(leg: Leg, q: np.ndarray) -> np.ndarray | None:
+    """Smallest singular value of the closure at poses (N, n), (N,); None where the leg's route knows none."""
+    values = getattr(leg.backend, "smallest_singular_values", None)
+    return None if values is None else np.asarray(values(q, RowFailures()))
+
+
+def nearly_singular(leg: Leg, states: States) -> np.ndarray:
+    """States at which rounding alone moves results by more than `KNOWN_TO`, (N,) bool; none by routes that cannot tell.
+
+    No two derivations can agree much better there, however right they are.
+    """
+    errors = getattr(leg.backend, "rounding_errors", None)
+    if errors is None:
+        return np.zeros(len(states), dtype=bool)
+    return np.asarray(errors(states.q, states.v, states.a) > KNOWN_TO)
 
 
 def domain(leg: Leg) -> tuple[np.ndarray, np.ndarray]:

@@ -103,3 +103,17 @@ def four_bar():
       <configuration name="home"><joint name="turning" value="{angle!r}"/>
         <joint name="joining" value="{-angle!r}"/><joint name="rocking" value="{rocking!r}"/></configuration>
       </robot>"""
+
+
+@pytest.fixture(scope="session")
+def rhombus(four_bar):
+    """A function of the crank's limits: text of four bars of 0.2 m, whose modes cross where they lie on one line."""
+    home = '<configuration name="home"><joint name="turning" value="1.2"/>'
+    home += '<joint name="joining" value="-1.2"/><joint name="rocking" value="1.2"/></configuration>'
+    text = four_bar.replace("0.3 0 0", "0.2 0 0")
+    text = text[: text.index("<configuration")] + home + "</robot>"
+
+    def limited(lower=0.0, upper=2.0):
+        return text.replace('lower="-2" upper="2"', f'lower="{lower!r}" upper="{upper!r}"', 1)
+
+    return limited

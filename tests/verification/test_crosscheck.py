@@ -9,8 +9,16 @@ import pytest
 
 import leg_dynamics as ld
 from leg_dynamics.description import render, shipped_urdf
-from leg_dynamics.errors import AssemblyError, FormulaAssumptionError, LegNotFoundError, ParameterError, ShapeError
+from leg_dynamics.errors import (
+    AssemblyError,
+    FormulaAssumptionError,
+    LegNotFoundError,
+    ParameterError,
+    ShapeError,
+    SingularityError,
+)
 from leg_dynamics.verification.crosscheck import crosscheck, crosscheck_legs
+from leg_dynamics.verification.states import domain, sample_states
 
 MODULE = importlib.import_module("leg_dynamics.verification.crosscheck")
 EVERY = ("closed_form", "pinocchio", "symbolic")
@@ -132,10 +140,64 @@ def test_states_that_cannot_be_assembled_are_left_out_and_counted(four_bar):
     report.raise_if_failed()
     # The box is +-2 rad, the crank goes to +-acos(-1/4).
     assert 4 <= report.left_out <= 40
+    assert report.compared == 200
+    assert {check.samples for check in report.checks if "against" in check.group} == {200}
     swing = next(check for check in report.checks if check.quantity.startswith("energy of a"))
     assert swing.quantity.startswith("energy of a 1.")
     assert "ended early" in swing.detail
     assert json.loads(report.to_json())["left_out"] == report.left_out
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_states_next_to_a_singular_closure_are_left_out_and_counted(short_swing, rhombus, seed):
+    report = crosscheck(rhombus(), samples=100, seed=seed)
+    report.raise_if_failed()
+    # Some 15 % are within 0.1 rad of zero, half of them, as the box's other side, in another mode.
+    assert report.left_out > 10
+    assert 1 <= report.nearly_singular <= 20
+    assert json.loads(report.to_json())["nearly_singular"] == report.nearly_singular
+    assert f"{report.nearly_singular} more states are nearly singular" in table_text(report)
+    check = report.checks[-1]
+    assert check.quantity == "left out as nearly singular"
+    assert 0.0 < check.worst <= report.nearly_singular / (100 + report.nearly_singular)
+    assert abs(check.at["turning"]) < 0.1
+    compared = [check.samples for check in report.checks if check.group == "pinocchio against symbolic"]
+    assert set(compared) == {100}
+
+
+@pytest.mark.filterwarnings("ignore:.*beyond its upper limit")
+def test_too_many_nearly_singular_states_are_a_failure(short_swing, rhombus):
+    report = crosscheck(rhombus(1e-3, 0.07), samples=60)
+    assert not report.passed
+    assert {quantity for _, quantity in failing(report)} == {"left out as nearly singular"}
+    assert 0.25 < report.checks[-1].worst < 1.0
+
+
+@pytest.mark.filterwarnings("ignore:.*beyond its upper limit")
+def test_no_state_but_nearly_singular_ones(rhombus):
+    with pytest.raises(SingularityError, match=r"all \d+ of 200 states.*nearly singular"):
+        crosscheck(rhombus(1e-6, 1e-3), samples=10)
+
+
+def test_without_the_rule_these_states_would_disagree(short_swing, rhombus, monkeypatch):
+    monkeypatch.setattr(MODULE, "nearly_singular", lambda leg, states: np.zeros(len(states), dtype=bool))
+    assert any("pinocchio" in group for group, _ in failing(crosscheck(rhombus(), samples=100)))
+
+
+def test_the_swing_starts_away_from_singular_poses(rhombus):
+    leg = ld.load(rhombus(-2.0, 2.0))
+    states = sample_states(domain(leg), 60, 0)
+    usable = np.isfinite(leg.mass_matrix(states.q, on_error="nan")[:, 0, 0])
+    states = states.take(np.flatnonzero(usable))
+    regularity = MODULE._regularity([leg], states)
+    np.testing.assert_allclose(np.median(regularity(states.q)), 1.0)
+    # The aim is at 0.8 rad, in this mode; seen from the other mode it is beyond the singular pose.
+    start, speed = MODULE._swing_start(leg, states, regularity)
+    assert (start[0], speed[0]) == (pytest.approx(0.8), 1.0)
+    start, speed = MODULE._swing_start(leg, states, lambda q: np.where(q[:, 0] < 1.0, 0.01, regularity(q)))
+    assert start in states.q
+    assert regularity(start[None])[0] >= 1.0
+    assert (start[0] > 1.0, speed[0]) == (True, 1.0)
 
 
 def test_a_leg_that_can_be_assembled_nowhere(four_bar, plant):

@@ -18,7 +18,7 @@ def check(worst, tolerance=1e-9, quantity="torque", detail=""):
 
 
 def report(*checks, left_out=0):
-    return CrosscheckReport("some [leg]", ("first", "second"), 7, 3, checks, left_out)
+    return CrosscheckReport("some [leg]", ("first", "second"), 7, 3, checks, 7, left_out)
 
 
 def shown(value):
@@ -102,7 +102,18 @@ def test_the_table():
     assert "alpha" not in text
 
 
+def test_states_left_out_are_told_apart():
+    one = CrosscheckReport("leg", ("first", "second"), 9, 3, (check(0.0),), 4, 2, 3)
+    text = shown(one)
+    assert "only 4 of the 9 states asked for were found" in text
+    assert "2 more states cannot be assembled" in text
+    assert "3 more states are nearly singular" in text
+    assert one.to_dict()["compared"] == 4
+    assert (one.to_dict()["left_out"], one.to_dict()["nearly_singular"]) == (2, 3)
+    assert "singular" not in shown(report(check(0.0), left_out=2))
+
+
 def test_the_table_of_a_failure():
     text = shown(report(check(math.nan, quantity="torque", detail="[red] pose lost"), left_out=5))
-    for words in ("DISAGREES", "nan", "alpha = 0.25, beta = -0.5", "[red] pose lost", "5 of 7 states"):
+    for words in ("DISAGREES", "nan", "alpha = 0.25, beta = -0.5", "[red] pose lost", "5 more states"):
         assert words in text

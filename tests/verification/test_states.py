@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from leg_dynamics.routes import load
-from leg_dynamics.verification.states import SLIDE_SHARE, States, domain, sample_states, with_room
+from leg_dynamics.verification.states import (
+    KNOWN_TO,
+    SLIDE_SHARE,
+    States,
+    domain,
+    nearly_singular,
+    sample_states,
+    smallest_singular_values,
+    with_room,
+)
 
 
 def fake_leg(lower, upper, units=("rad", "rad", "m")):
@@ -100,3 +109,31 @@ def test_slides_are_slower_than_hinges():
     np.testing.assert_array_equal(mixed.q, hinges.q)
     for found, plain in ((mixed.v, hinges.v), (mixed.a, hinges.a)):
         np.testing.assert_allclose(found, plain * (1.0, SLIDE_SHARE, 1.0))
+
+
+def test_room_along_the_motion(four_bar):
+    leg = load(four_bar)
+    limit = np.arccos(-0.25)
+    q = np.array([[1.0], [limit - 0.06]])
+    for v in (0.0, 5.0, -5.0):
+        states = States(q, np.full((2, 1), v), q, np.zeros((2, 3)), np.zeros((2, 3)))
+        np.testing.assert_array_equal(with_room(leg, states).q, q)
+
+
+def test_nearly_singular_states(rhombus, closed):
+    leg = load(rhombus())
+    q = np.array([[1.0], [0.5], [1e-3], [1e-6], [-0.5]])
+    fast, slow = np.full_like(q, 5.0), np.full_like(q, 1e-3)
+    a = np.full_like(q, 50.0)
+    none = np.zeros((5, 3))
+    assert nearly_singular(leg, States(q, fast, a, none, none)).tolist() == [False, False, True, True, False]
+    assert nearly_singular(leg, States(q, slow, a, none, none)).tolist() == [False, False, False, True, False]
+    errors = leg.backend.rounding_errors(q, fast, a)
+    assert errors[2] > 100.0 * KNOWN_TO
+    sigma = smallest_singular_values(leg, q)
+    assert np.isnan(sigma[4])
+    assert (np.diff(sigma[:4]) < 0.0).all()
+    # Formulas do not tell.
+    states = sample_states(domain(closed), 5, 0)
+    assert smallest_singular_values(closed, states.q) is None
+    assert not nearly_singular(closed, states).any()
