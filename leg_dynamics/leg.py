@@ -268,6 +268,44 @@ def checked(name: str, value: ArrayLike, size: int) -> np.ndarray:
     return array
 
 
+# |R^T R - 1| of a matrix that counts as a rotation.
+_ORTHONORMAL = 1e-9
+
+
+def _checked_rotation(value: ArrayLike) -> np.ndarray:
+    """Rotation matrices (..., 3, 3) as rows (..., 9); those that are not finite are left to the caller.
+
+    Raises
+    ------
+    ShapeError
+        The shape differs, or a matrix is no rotation.
+    """
+    array = checked("rotation", value, 3)
+    if array.ndim < 2 or array.shape[-2] != 3:
+        raise ShapeError(
+            f"rotation has shape {array.shape}, expected (3, 3) or (..., 3, 3)", argument="rotation", shape=array.shape
+        )
+    matrices = array.reshape(-1, 3, 3)
+    with np.errstate(over="ignore", invalid="ignore"):
+        deviation = np.abs(np.swapaxes(matrices, 1, 2) @ matrices - np.eye(3)).max(axis=(1, 2), initial=0.0)
+        mirrored = np.linalg.det(matrices) < 0.0
+    wrong = np.flatnonzero(np.isfinite(matrices).all(axis=(1, 2)) & ~((deviation <= _ORTHONORMAL) & ~mirrored))
+    if wrong.size:
+        first = int(wrong[0])
+        what = (
+            "it mirrors, its determinant is negative"
+            if deviation[first] <= _ORTHONORMAL
+            else f"R^T R differs from the identity by {deviation[first]:.3g}, the limit is {_ORTHONORMAL:g}"
+        )
+        raise ShapeError(
+            f"rotation {first} of {len(matrices)} is no rotation matrix: {what}; make its columns orthonormal and "
+            "right-handed",
+            argument="rotation",
+            deviation=float(deviation[first]),
+        )
+    return array.reshape(*array.shape[:-2], 9)
+
+
 # Below that many numbers in q a call stays on one thread and needs no splitting.
 _QUICK_SIZE = 32768
 _FLOAT = np.dtype(np.float64)
@@ -275,9 +313,13 @@ _ARRAY = np.ndarray
 # What not every route has; derivatives and numbers are the others.
 _ROUTES_WITH = {
     "base_parameters": "closed_form",
+    "foot_rotation": "pinocchio",
+    "geometric_jacobian": "pinocchio",
     "kernel": "closed_form",
     "loop_forces": "pinocchio",
     "mobility_report": "pinocchio",
+    "pose_inverse_kinematics": "pinocchio",
+    "rank_report": "pinocchio",
     "regressor": "closed_form",
 }
 
@@ -598,8 +640,8 @@ class Leg:
         branch : str, optional
             One of `branches`; the first where None.
         limits : {"error", "ignore"}
-            Whether a solution outside the joint limits is an error. The limits of passive joints count too, but for
-            branches that belong to another assembly mode than the one that the leg's other methods follow.
+            Whether a solution outside the joint limits is an error. The limits of passive joints count too, also in
+            the assembly mode of a branch that is not the one which the leg's other methods follow.
 
         Returns
         -------
@@ -629,27 +671,30 @@ class Leg:
                 rows = np.atleast_2d(q)
                 joints = [self._description.joint(name) for name in self.joint_names]
                 self._check_limits(rows, rows, joints, failures)
-                self._check_passive_limits(rows, np.atleast_2d(p), failures)
+                self._check_passive_limits(rows, np.atleast_2d(p), chosen, failures)
             return q
 
         return call.run(solve, (self._n,), "p")
 
-    def _check_passive_limits(self, q: np.ndarray, p: np.ndarray, failures: RowFailures) -> None:
+    def _check_passive_limits(self, q: np.ndarray, p: np.ndarray, branch: str, failures: RowFailures) -> None:
         places = [
             (place, joint)
             for place, joint in enumerate(map(self._description.joint, self._route.tree_joint_names))
             if joint.name not in self.joint_names and np.isfinite([joint.limits.lower, joint.limits.upper]).any()
         ]
         known = np.flatnonzero(np.isfinite(q).all(axis=1))
-        if places and known.size:
-            # The route's own mode: where its foot is elsewhere, nothing is known of the passive joints.
-            away = np.abs(self._route.foot_position(q[known], RowFailures()) - p[known]).max(axis=1)
-            known = known[away < _SAME_PLACE * (1.0 + np.abs(p[known]).max(axis=1))]
         if not places or not known.size:
             return
+        columns = [place for place, _ in places]
         values = np.full((len(q), len(places)), np.nan)
-        found = self._route.tree_coordinates(q[known], RowFailures())
-        values[known] = found[:, [place for place, _ in places]]
+        # In the route's own mode. Where its foot is elsewhere, the branch belongs to another one.
+        away = np.abs(self._route.foot_position(q[known], RowFailures()) - p[known]).max(axis=1)
+        here = away < _SAME_PLACE * (1.0 + np.abs(p[known]).max(axis=1))
+        known, elsewhere = known[here], known[~here]
+        if known.size:
+            values[known] = self._route.tree_coordinates(q[known], RowFailures())[:, columns]
+        if elsewhere.size and (in_branch := getattr(self._route, "tree_coordinates_in_branch", None)) is not None:
+            values[elsewhere] = in_branch(q[elsewhere], branch)[:, columns]
         for column, (_, joint) in enumerate(places):
             if joint.unit == "rad":  # whole turns are no other pose
                 middle = (joint.limits.lower + joint.limits.upper) / 2
@@ -1242,6 +1287,144 @@ class Leg:
             With ``mobility``, ``redundant``, ``gruebler``, ``poses``, ``to_dict()``.
         """
         return self._only("mobility_report")(samples, seed)
+
+    def foot_rotation(self, q: ArrayLike, *, on_error: OnError = "raise") -> np.ndarray:
+        """Orientation of the foot link, R_HF: its axes, as columns, in the hip frame (pinocchio route).
+
+        Parameters
+        ----------
+        q : (..., n) array_like
+            Independent coordinates, rad or m.
+
+        Returns
+        -------
+        (..., 3, 3) array
+        """
+        method = self._only("foot_rotation")
+        self._need_foot()
+        return self._arguments(on_error, q=(q, self._n)).run(method, (3, 3), "q")
+
+    def geometric_jacobian(self, q: ArrayLike, *, on_error: OnError = "raise") -> np.ndarray:
+        """Jacobian of the foot's velocity and angular velocity, (v, ω) = J yd, in the hip frame (pinocchio route).
+
+        Parameters
+        ----------
+        q : (..., n) array_like
+            Independent coordinates, rad or m.
+
+        Returns
+        -------
+        (..., 6, n) array
+            Rows 0-2 are those of `jacobian`, m/rad or m/m; rows 3-5 are rad/rad or rad/m.
+        """
+        method = self._only("geometric_jacobian")
+        self._need_foot()
+        return self._arguments(on_error, q=(q, self._n)).run(method, (6, self._n), "q")
+
+    def rank_report(self, q: ArrayLike, characteristic_length: float | None = None, tolerance: float = 1e-6) -> Any:
+        """Rank of the geometric Jacobian at one pose, and what foot and joints cannot or need not do (pinocchio route).
+
+        Parameters
+        ----------
+        q : (n,) array_like
+            Independent coordinates, rad or m.
+        characteristic_length : float, optional
+            m, makes rows and columns comparable; the distance from the hip to the foot in the home pose where None.
+        tolerance : float
+            Singular values below this share of the largest count as zero.
+
+        Returns
+        -------
+        RankReport
+            With ``rank``, ``deficient``, ``singular_values``, ``lost_directions``, ``self_motions``, ``to_dict()``;
+            ``str()`` gives it in words.
+
+        Raises
+        ------
+        ParameterError
+            `characteristic_length` is not positive, or `tolerance` not between 0 and 1.
+        AssemblyError, SingularityError
+            The loops cannot be closed there, or so nearly singularly that the Jacobian means nothing.
+        """
+        method = self._only("rank_report")
+        self._need_foot()
+        call = self._arguments("raise", q=(q, self._n))
+        if not call.single:
+            raise ShapeError("rank_report takes one sample, shape (n,)")
+        if call.failures:
+            raise call.failures.combined(None)
+        return method(call.arrays["q"], characteristic_length, tolerance)
+
+    def pose_inverse_kinematics(
+        self,
+        p: ArrayLike,
+        rotation: ArrayLike | None = None,
+        *,
+        start: ArrayLike | None = None,
+        posture: ArrayLike | None = None,
+        limits: Literal["error", "ignore"] = "error",
+        starts: int = 40,
+        on_error: OnError = "raise",
+    ) -> Any:
+        """Independent coordinates that put the foot at p, turned as asked, for any number of joints (pinocchio route).
+
+        Damped least squares that keeps the joint limits on the way. Where joints are left over, they bring the leg as
+        near to a posture as they can. The result depends on the arguments alone; a start nearby gives the solution
+        nearby. To follow a path, pass the last solution as `start`, and as `posture` too.
+
+        Parameters
+        ----------
+        p : (..., 3) array_like
+            Foot position in the hip frame, m.
+        rotation : (..., 3, 3) array_like, optional
+            Foot orientation R_HF, as `foot_rotation` gives it; any where None. Orthonormal to 1e-9.
+        start : (..., n) array_like, optional
+            Where to start, inside the limits; the home pose where None.
+        posture : (..., n) array_like, optional
+            What the leg should be near to, each joint weighted by half its range; the middle of the limits where
+            None, and the home pose for joints without limits.
+        limits : {"error", "ignore"}
+            Whether joints, passive ones too, must stay inside their limits.
+        starts : int
+            Starting poses to try before giving up. Each costs some milliseconds, more for a leg with loops.
+        on_error : {"raise", "nan"}
+
+        Returns
+        -------
+        PoseSolution
+            With ``q`` (..., n), ``position_error``, ``rotation_error``, ``rank``, ``singular_values``,
+            ``active_limits``, ``posture_cost``.
+
+        Raises
+        ------
+        OutOfReachError
+            No solution was found; `margin` is the missing distance, negative, in metres, `missing_angle` in rad
+            (where an orientation was asked for), `nearest` the coordinates there.
+        JointLimitError
+            Solutions were found outside the limits only; `margin` is the least excess found, negative, in rad or m,
+            `joint` the joint. Or the start is outside.
+        ShapeError
+            An argument has the wrong shape, or `rotation` is no rotation matrix.
+        ParameterError
+            `limits` or `starts` is not usable.
+        """
+        make = self._only("pose_inverse_kinematics")
+        self._need_foot()
+        search = make(rotation is not None, limits, starts)
+        given = {"p": (p, 3), "start": (start, self._n), "posture": (posture, self._n)}
+        if rotation is not None:
+            given["rotation"] = (_checked_rotation(rotation), 9)
+        given = {name: pair for name, pair in given.items() if pair[0] is not None}
+        call = self._arguments(on_error, **given)
+
+        def solve(*arrays: Any) -> np.ndarray:
+            *values, failures = arrays
+            named = dict(zip(given, values, strict=True))
+            wanted = (named.get(name) for name in ("p", "rotation", "start", "posture"))
+            columns: np.ndarray = search.columns(*wanted, failures)
+            return columns
+
+        return search.solution(call.run(solve, (search.width,), *given))
 
     def loop_forces(
         self,
