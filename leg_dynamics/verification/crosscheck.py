@@ -224,7 +224,7 @@ def _draw(legs: Sequence[Leg], samples: int, seed: int, changed_text: str, tell:
         closed += len(usable)
         left_out += len(every) - len(usable)
     if not closed:
-        _refuse(reference, every)
+        _refuse(reference, every, total)
     if not found:
         raise SingularityError(
             f"all {closed} of {total} states at which {reference.name!r} can be assembled are so nearly singular that "
@@ -258,15 +258,15 @@ def _on_one_sheet(leg: Leg, first: np.ndarray, second: np.ndarray) -> tuple[np.n
     return first, second - 2.0 * np.pi * np.round((second - first) / (2.0 * np.pi)) * turns
 
 
-def _refuse(leg: Leg, states: States) -> None:
+def _refuse(leg: Leg, states: States, count: int) -> None:
     """Raise what says why nothing can be checked."""
     try:
         leg.assemble(states.q[0])
     except RowError as error:
         raise AssemblyError(
-            f"no route can assemble {leg.name!r} at any of {len(states)} states within its joint limits; at the first "
+            f"no route can assemble {leg.name!r} at any of {count} states within its joint limits; at the first "
             f"one: {error}",
-            rows=np.arange(len(states)),
+            rows=np.arange(count),
         ) from error
 
 
