@@ -12,9 +12,10 @@ import yaml
 
 import leg_dynamics as ld
 from leg_dynamics.analysis.design import Filter, Objective, Range, Stage, StageResult, Study, gait_path, run
+from leg_dynamics.analysis.design.indices import Sampler, step_indices
 from leg_dynamics.analysis.design.numbers import learn
-from leg_dynamics.analysis.design.poses import Family
-from leg_dynamics.analysis.design.study import Evaluator, Plan
+from leg_dynamics.analysis.design.poses import Family, Singles
+from leg_dynamics.analysis.design.study import Evaluator, Plan, Row
 from leg_dynamics.analysis.workspace import PoseEvaluator, workspace
 from leg_dynamics.analysis.workspace.constraints import limit_numbers
 from leg_dynamics.errors import (
@@ -23,6 +24,7 @@ from leg_dynamics.errors import (
     ParameterError,
     StudyError,
     UnsupportedError,
+    WorkspaceError,
 )
 
 from . import design_legs
@@ -96,6 +98,7 @@ def test_sweep_designs():
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::leg_dynamics.errors.LegDynamicsWarning")
 def test_numbers_are_those_of_the_rendered_design(hexapod):
     every = (
         *PRIMARY,
@@ -118,6 +121,7 @@ def test_numbers_are_those_of_the_rendered_design(hexapod):
         assert {name: expected[name] for name in values} == pytest.approx(values, rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore::leg_dynamics.errors.LegDynamicsWarning")
 def test_poses_are_those_of_the_rendered_design(hexapod):
     numbers = learn(hexapod, PRIMARY)
     family = Family(hexapod, numbers, ())
@@ -202,12 +206,82 @@ def test_box_has_formulas(tmp_path):
         assert row.values == pytest.approx(expected, rel=1e-6)
 
 
-def test_home_that_is_out_of_reach_has_no_chord(evaluator):
-    # at home strut 2 is 0.558 m long
-    row = evaluator.row(0, {"a": 0.35, "b": 0.02, "l2_max": 0.45})
-    assert row.status == "ok"
-    assert row.values["L"] == 0.0
-    assert row.values["V"] > 0.0
+STEP = ("L", "Z", "Z_b", "Z_f")
+
+
+@pytest.mark.parametrize(
+    "home",
+    [
+        {"a": 0.35, "b": 0.02, "l2_max": 0.5579},
+        {"a": 0.35, "b": 0.02, "l2_max": 0.5581},
+        {"a": 0.1, "b": 0.02, "l2_min": 0.1, "l2_max": 0.45},
+        {"a": 0.35, "b": 0.15, "l2_min": 0.4, "l2_max": 0.8},
+    ],
+)
+@pytest.mark.filterwarnings("ignore::leg_dynamics.errors.LegDynamicsWarning")
+def test_design_and_workspace_say_the_same_of_home(hexapod, evaluator, home):
+    """At home strut 2 of the first two designs is 0.55803 m long: 0.1 mm on either side of its limit."""
+    row = evaluator.row(0, home)
+    found = workspace(hexapod.replace(**home), ignore=AUDIT_LIMITS, tolerance=0.05)
+    assert row.values["V"] == pytest.approx(found.volume.value, rel=0.05)
+    if found.step is None:
+        assert row.status == "failed"
+        assert row.reason == f"WorkspaceError: {found.step_reason}"
+        assert "'l2 upper limit'" in row.reason
+        assert all(math.isnan(row.values[name]) for name in STEP)
+        assert not row.accepted
+    else:
+        assert row.status == "ok"
+        expected = (found.step.length, found.step.back, found.step.back, found.step.front)
+        assert [row.values[name] for name in STEP] == pytest.approx(expected, abs=1e-5)
+    assert (found.step is None) == (home.get("l2_max") in (0.5579, 0.45))
+
+
+def test_one_design_by_itself_says_the_same(tmp_path):
+    """A box of slides: home at x = 0 is inside as long as the box reaches there."""
+    leg = design_legs.cartesian(tmp_path)
+    designs = Singles(leg, ())
+    inside, outside = designs.at({"high": 0.001}), designs.at({"high": -0.001})
+    for one in (inside, outside):
+        one.poses(one.lower + (one.upper - one.lower) * Sampler(3, 256, 0).points)
+    box = np.array([[-0.5, -1.0, -0.5], [1.0, 1.0, 0.001]])
+    assert step_indices(inside, box, 0.0, -1.0)["L"] == pytest.approx(1.5, rel=1e-6)
+    with pytest.raises(WorkspaceError, match=r"'z upper limit', margin -0\.001"):
+        step_indices(outside, box, 0.0, -1.0)
+
+
+def test_designs_without_a_step_count_nowhere(hexapod):
+    ranges = (Range("l2_max", 0.40, 0.53),)
+    result = run(Study(hexapod, (Stage(ranges, 12),), objectives=("V", "L"), tolerance=0.1))
+    (stage,) = result.stages
+    without = [row for row in stage.rows if math.isnan(row.values["L"])]
+    assert 0 < len(without) < 12
+    assert all(row.design["l2_max"] < 0.46573 and row.values["V"] > 0.0 for row in without)
+    assert all((row.status, row.accepted) == ("failed", False) for row in without)
+    assert sum(row.accepted for row in stage.rows) == 12 - len(without)
+    with_one = [row for row in stage.rows if row.status == "ok"]
+    for name in ("V", "L"):
+        assert stage.medians()[name] == np.median([row.values[name] for row in with_one])
+    assert f"({len(without)} of 12 designs)" in stage.commonest_reason()
+    assert stage.to_dict()["reasons"] == {"WorkspaceError": len(without)}
+
+
+def test_a_parameter_that_moves_no_pose_can_be_impossible(hexapod):
+    """A rod of 56 mm does not fit a bore of 55 mm, which the numbers of the kinematics do not show."""
+    study = Study(hexapod, (Stage((Range("rod_2_diameter", 0.054, 0.056, 3),)),), objectives=("V",), tolerance=0.2)
+    result = run(study)
+    assert result.plan.numbers is not None
+    assert [row.status for row in result.stages[0].rows] == ["ok", "ok", "failed"]
+    assert "sleeve_2_diameter - 2*sleeve_2_wall = 0.055 m" in result.stages[0].rows[2].reason
+
+
+def test_reasons_are_alike_but_for_their_numbers(hexapod):
+    study = Study(hexapod, (Stage((Range("a", 0.1, 0.3),), 5),), objectives=("V",))
+    texts = ["A: l1 = 1e-3 m is bad", "A: l2 = 0.2 m is bad", "A: l2 = -3 m is bad", "B: l1 = 2 m is bad"]
+    rows = [Row(k, {"a": 0.2}, "failed", text, {"V": math.nan}, False) for k, text in enumerate(texts)]
+    stage = StageResult.of(study, 0, {}, [*rows, Row(4, {"a": 0.2}, "ok", "", {"V": 1.0}, True)])
+    assert stage.commonest_reason() == "A: l2 = 0.2 m is bad (2 of 5 designs)"
+    assert StageResult.of(study, 0, {}, [stage.rows[4]]).commonest_reason() == ""
 
 
 # Forces over a gait, mass, and functions of one's own.

@@ -54,7 +54,7 @@ def test_everything_is_written(tmp_path):
     assert facts["body_height [m]"] == pytest.approx(0.72)
     assert facts["stability_margin [m]"]["least"] > 0.0
     assert len(facts["legs"]) == 6
-    assert len(facts["files"]) == 9
+    assert len(facts["files"]) == 13
     assert facts["limits_hold"] is True
     assert facts["nearest_limit"]["margin"] > 0.0
     assert (folder / "cycle.csv").is_file()
@@ -87,9 +87,61 @@ def test_limits_and_a_tilted_body(tmp_path):
     assert "breaks its limit" in " ".join(refused.stderr.split())
 
 
+def test_the_quadruped_creeps_by_itself(tmp_path):
+    page = tmp_path / "walk.html"
+    result = run("quadruped", *QUICK, "--html", page)
+    assert result.exit_code == 0
+    assert "III-I-IV-II gait, period 20 s, duty 0.8" in result.stdout
+    assert "even motion of the body: 0.0015 m" in result.stdout
+    assert "Why it walks like this" in result.stdout
+    assert "BROKEN" not in result.stdout
+    assert "III-I-IV-II gait" in page.read_text(encoding="utf-8")
+    facts = json.loads(run("quadruped", *QUICK, "--json").stdout)
+    assert facts["limits_hold"] is True
+    assert facts["stability_margin [m]"]["least"] > 0.008
+    assert [leg["name"] for leg in facts["legs"]] == ["I", "II", "III", "IV"]
+    assert {each["parameter"] for each in facts["choices"]} >= {"gait", "period", "splay", "clearance"}
+
+
+def test_the_quadruped_without_pauses_and_without_sway():
+    facts = json.loads(run("quadruped", *QUICK, "--duty", "0.75", "--sway", "0,0", "--load", "equal", "--json").stdout)
+    assert facts["stability_margin [m]"]["least"] == pytest.approx(0.0, abs=1e-8)
+    assert facts["margin_bound [m]"] == pytest.approx(0.0, abs=1e-9)
+    assert facts["sway [m]"]["left"] == [0.0, 0.0]
+    leg = next(leg for leg in facts["legs"] if leg["name"] == "IV")
+    assert (leg["lifts_off [s]"], leg["touches_down [s]"]) == pytest.approx((10.0, 15.0))
+
+
+def test_legs_and_order_of_the_quadruped_by_hand():
+    legs = ("--leg", "quadruped_leg", "--leg", "quadruped_leg_reversed")
+    way = ("--splay", "0.4", "--reach", "0.12", "--sway", "0.01,0.01", "--harmonics", "2", "--set", "module_mass=2")
+    result = run("quadruped", *QUICK, *legs, "--gait", "III,I,II,IV", "--group", "1", *way, "--load", "none", "--json")
+    facts = json.loads(result.stdout)
+    assert facts["gait"] == "III-I-II-IV"
+    assert facts["mass [kg]"] == pytest.approx(20.2)
+    reasons = {each["parameter"]: each["reason"] for each in facts["choices"]}
+    assert reasons["splay"] == reasons["gait"] == reasons["legs that swing without a pause"] == "as asked for"
+    assert reasons["period"].startswith("inferred")
+    wave = json.loads(run("quadruped", *QUICK, "--gait", "wave", "--json").stdout)
+    assert wave["stability_margin [m]"]["least"] > 0.008
+    refused = run("quadruped", *QUICK, "--leg", "quadruped_leg")
+    assert refused.exit_code == 2
+    assert "neither 'quadruped_leg' nor a mirror image" in " ".join(refused.stderr.split())
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("quadruped", "--gait", "III,I"), "every leg once"),
+        (("quadruped", "--gait", "III"), "order in which they swing"),
+        (("quadruped", "--group", "3"), "groups of 3"),
+        (("quadruped", "--sway", "0.02"), "2 finite numbers"),
+        (("quadruped", "--sway=-0.1,0"), "sway ahead"),
+        (("quadruped", "--sway", "0.2,0.2"), "make the sway smaller"),
+        (("quadruped", "--splay", "1.6"), "right angle"),
+        (("quadruped", "--clearance", "0.03"), "_theta3"),
+        (("snake",), "no legs"),
+        (("ring",), "no legs"),
         (("hexapod", "--stride", "0.1", "--velocity", "0.1,0"), "goes with no --stride"),
         (("hexapod", "--velocity", "fast"), "2 finite numbers"),
         (("hexapod", "--gait", "gallop"), "gait must be"),
@@ -110,3 +162,20 @@ def test_what_is_wrong_is_said_in_one_line(arguments, words):
     result = run(*arguments)
     assert result.exit_code == 2
     assert words in " ".join(result.stderr.replace("│", " ").split())
+
+
+def test_a_gait_beyond_the_drives_says_so_and_fails():
+    """Speeds go with one over the period: just above and just below that at which the fastest strut has 1.2 m/s."""
+    way = ("hexapod", "--stride", "0.5", *QUICK)
+    hasty = run(*way, "--period", "0.2")
+    assert hasty.exit_code == 1
+    assert "the drives CANNOT do this gait: 18 joints are too fast, the worst is " in hasty.stdout
+    assert "where 1.2 m/s are allowed; 6 actuators are too strong" in hasty.stdout
+    assert "the drives cannot do this gait" in hasty.stderr
+    assert run(*way, "--period", "0.2", "--ignore-limits").exit_code == 0
+    facts = json.loads(run(*way, "--period", "4", "--json").stdout)
+    fastest = max(abs(row["speed"]) for leg in facts["legs"] for row in leg["joints"])
+    assert facts["drives_suffice"]
+    for share, code in ((1.001, 0), (0.999, 1)):
+        found = run(*way, "--period", 4.0 * fastest / 1.2 * share, "--load", "none", "--json")
+        assert (found.exit_code, json.loads(found.stdout)["drives_suffice"]) == (code, code == 0)

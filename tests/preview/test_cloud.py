@@ -42,6 +42,18 @@ def test_the_scene_holds_it() -> None:
     assert not any("cloud" in str(c.get("path")) for c in build_scene(leg, [0.0], {}).commands)
 
 
+def test_the_note_says_that_the_scale_is_cut() -> None:
+    values = np.linspace(2.0, 20.0, 100)
+    assert Cloud.of(np.zeros((100, 3)), values, "k").note == "k 2 (yellow) to 19.6 and more, up to 20 (violet)"
+    values[-1] = math.inf
+    assert Cloud.of(np.zeros((100, 3)), values, "k").note == "k 2 (yellow) to 19.5 and more, up to infinity (violet)"
+    assert Cloud.of(np.zeros((3, 3)), [2.0, 2.0, 2.0], "k").note == "k 2 (yellow) to 2 (violet)"
+    # what is thinned out counts as well
+    many = np.full(MAXIMUM_POINTS * 2, 3.0)
+    many[1] = 50.0
+    assert "up to 50" in Cloud.of(np.zeros((len(many), 3)), many).note
+
+
 def test_the_page_says_what_the_colours_mean(tmp_path) -> None:
     page = write_html(read("omnileg"), [0.0], {}, tmp_path / "page.html", cloud=cloud()).read_text(encoding="utf-8")
     assert "(yellow) to" in page

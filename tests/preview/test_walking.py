@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from leg_dynamics import cli
 from leg_dynamics.errors import NonFiniteError, ShapeError
 from leg_dynamics.preview import Walking, write_html
 from leg_dynamics.preview.scene import build_scene
@@ -113,3 +115,21 @@ def test_numbers_must_be_finite_and_as_many_as_times(leg):
     assert caught.value.rows.tolist() == list(range(37, 41))
     with pytest.raises(ShapeError, match="41 samples"):
         build_scene(leg, time[:5], {name: q[:5] for name, q in still(leg, time).items()}, walking=walk)
+
+
+@pytest.mark.parametrize("name", ["ring", "snake", "quadruped"])
+def test_robots_of_modules_stand_in_their_home_pose(name, tmp_path, monkeypatch):
+    written = {}
+    monkeypatch.setattr(
+        "leg_dynamics.preview.write_html", lambda *args, **options: written.update(args=args, **options)
+    )
+    page = tmp_path / "page.html"
+    assert CliRunner().invoke(cli.app, ["preview", name, "--html", str(page)]).exit_code == 0
+    description, _, values, _ = written["args"]
+    assert written["title"] == f"{name}, home pose"
+    for joint, value in description.home.values.items():
+        assert values[joint] == pytest.approx([value])
+    # On the ground, with every shape of the ten modules.
+    scene = build_scene(description, [0.0], values)
+    drawn = [command for command in scene.commands if command["type"] == "set_object"]
+    assert len(drawn) >= sum(len(link.visuals) for link in description.links) > 100

@@ -142,7 +142,7 @@ def test_one_number_that_is_not_finite(case, name, value):
         np.array([(1.0,)], dtype=[("x", float)]),
         lambda: 0.1,
     ],
-    ids=repr,
+    ids=lambda value: type(value).__name__ + str(getattr(value, "dtype", "")),
 )
 @pytest.mark.parametrize("on_error", ["raise", "nan"])
 def test_what_is_no_array_of_numbers(cases, value, on_error):

@@ -8,6 +8,8 @@
 >>> result = study(robot, walk)
 >>> bool(result.margin.min() > 0.0)
 True
+
+`plan_walk` plans by what is known of a robot, `steadying_sway` finds the body motion with the greatest margin.
 """
 
 from __future__ import annotations
@@ -17,11 +19,15 @@ from leg_dynamics.analysis.gait.laws import LAWS
 from leg_dynamics.analysis.gait.limits import LimitMargin
 from leg_dynamics.analysis.gait.phases import GAITS, PhaseTable, phase_table, swing_order
 from leg_dynamics.analysis.gait.picture import Picture, picture
+from leg_dynamics.analysis.gait.posture import splayed_homes
 from leg_dynamics.analysis.gait.reading import robot_from
 from leg_dynamics.analysis.gait.report import FILES, columns, summary, write
 from leg_dynamics.analysis.gait.robot import GaitLeg, Limb, Robot
+from leg_dynamics.analysis.gait.settings import Settings, WalkPlan, plan_walk, settings_for
 from leg_dynamics.analysis.gait.stability import project, support_margin
-from leg_dynamics.analysis.gait.study import LOADS, GaitStudy, LimbMotion, Peaks, plan, study
+from leg_dynamics.analysis.gait.steadying import margin_bound, steadying_sway
+from leg_dynamics.analysis.gait.study import LOADS, Choice, GaitStudy, LimbMotion, Peaks, plan, static_margin, study
+from leg_dynamics.analysis.gait.tracks import Tracks, tracks
 from leg_dynamics.analysis.gait.walk import BodyMotion, FootMotion, Sway, Tilt, Twist, Walk
 
 __all__ = [
@@ -30,6 +36,7 @@ __all__ = [
     "LAWS",
     "LOADS",
     "BodyMotion",
+    "Choice",
     "FootMotion",
     "GaitLeg",
     "GaitStudy",
@@ -41,20 +48,30 @@ __all__ = [
     "PhaseTable",
     "Picture",
     "Robot",
+    "Settings",
     "Sway",
     "Tilt",
+    "Tracks",
     "Twist",
     "Walk",
+    "WalkPlan",
     "columns",
+    "margin_bound",
     "phase_table",
     "picture",
     "plan",
+    "plan_walk",
     "project",
     "robot_from",
+    "settings_for",
     "share_load",
+    "splayed_homes",
+    "static_margin",
+    "steadying_sway",
     "study",
     "summary",
     "support_margin",
     "swing_order",
+    "tracks",
     "write",
 ]

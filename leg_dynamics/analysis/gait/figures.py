@@ -1,4 +1,7 @@
-"""Plots of a gait study: foot paths, actuator speeds (Rong 2012, Fig. 10) and efforts, stability, limits."""
+"""Plots of a gait study: motion over the ground, foot paths, speeds and efforts, stability, limits.
+
+Stills, body, steps and speeds of the feet are Figs. 5 to 9 of Chen 2021, actuator speeds Fig. 10 of Rong 2012.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from leg_dynamics.analysis.gait.robot import Limb
+from leg_dynamics.analysis.gait.stills import draw_stills
 from leg_dynamics.analysis.gait.study import GaitStudy
+from leg_dynamics.analysis.gait.tracks import Tracks, tracks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,8 +27,15 @@ _STYLES = ("-", "--", "-.", ":")
 
 
 def gait_figures(study: GaitStudy) -> dict[str, Figure]:
-    """The plots by name, those of `CAPTIONS`; matplotlib figures on the Agg canvas."""
-    return {
+    """The plots by name, those of `CAPTIONS`, on the Agg canvas of matplotlib; no stills of a robot without a file."""
+    seen = tracks(study)
+    stills = (
+        {} if study.robot.description is None else {"stills": draw_stills(study, _figure(11.0, 7.4), _title(study))}
+    )
+    return stills | {
+        "body": _body(study, seen),
+        "steps": _steps(study, seen),
+        "foot_speeds": _foot_speeds(study, seen),
         "feet": _feet(study),
         "speeds": _curves(study, "speed"),
         "efforts": _curves(study, "effort"),
@@ -33,6 +45,11 @@ def gait_figures(study: GaitStudy) -> dict[str, Figure]:
 
 
 CAPTIONS = {
+    "stills": "The robot at the middle of each swing, or evenly through the cycle; on the ground the polygon of the "
+    "standing feet and the centre of mass",
+    "body": "Way of the body and of the centre of mass over the ground",
+    "steps": "Paths of the feet over the ground, seen from the right",
+    "foot_speeds": "Speeds of the feet over the ground, and how fast the links that bear them turn",
     "feet": "Paths of the feet in the body frame",
     "speeds": "Speeds of the driven joints; shaded: foot on the ground",
     "efforts": "Efforts of the actuators; shaded: foot on the ground",
@@ -92,13 +109,79 @@ def _feet(study: GaitStudy) -> Figure:
     return figure
 
 
-def _curves(study: GaitStudy, what: str) -> Figure:
-    """One panel a leg, with its stance shaded: Rong 2012, Fig. 10, for all six legs."""
+def _body(study: GaitStudy, seen: Tracks) -> Figure:
+    figure = _figure(10.0, 6.0)
+    ahead, beside = figure.subplots(2, 1, sharex=True, height_ratios=(3, 3))
+    for k, (name, place) in enumerate((("body's origin", seen.body), ("centre of mass", seen.com))):
+        ahead.plot(study.time, place[:, 0], color=_colour(k), linestyle=_STYLES[k], label=name)
+        beside.plot(study.time, place[:, 1], color=_colour(k), linestyle=_STYLES[k], label=f"{name}, left")
+    height = seen.com[:, 2] - seen.com[:, 2].mean()
+    beside.plot(study.time, height, color=_colour(2), linestyle=_STYLES[2], label="centre of mass, up, less its mean")
+    for axis, name in ((ahead, "x [m], ahead"), (beside, "y, z [m]")):
+        axis.set_ylabel(name)
+        axis.margins(x=0.01)
+        _tidy(axis)
+        axis.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False)
+    beside.set_xlabel("time [s]")
+    figure.align_ylabels()
+    figure.suptitle(_title(study))
+    return figure
+
+
+def _panels(study: GaitStudy, height: float, *, share_x: bool) -> tuple[Figure, list[Axes]]:
+    """A figure with one axis a leg, and one spare where their number is odd."""
     count = len(study.robot)
     columns = 2 if count > 1 else 1
     rows = -(-count // columns)
-    figure = _figure(11.0, 1.9 * rows + 1.0)
-    axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
+    figure = _figure(11.0, height * rows + 1.0)
+    axes = np.atleast_1d(figure.subplots(rows, columns, sharex=share_x, sharey=True)).ravel().tolist()
+    for axis, limb in zip(axes, study.robot.limbs, strict=False):
+        axis.set_title(limb.name, loc="left", fontsize="medium")
+        _tidy(axis)
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    figure.suptitle(_title(study))
+    return figure, axes
+
+
+def _steps(study: GaitStudy, seen: Tracks) -> Figure:
+    """One panel a leg, from one footprint to the next: Chen 2021, Fig. 6."""
+    figure, axes = _panels(study, 1.9, share_x=False)
+    ground = seen.feet[..., 2].min()
+    for i, (axis, motion) in enumerate(zip(axes, study.limbs, strict=False)):
+        x, z = seen.feet[:, i, 0], seen.feet[:, i, 2] - ground
+        for first, last in _runs(motion.stance, standing=False):
+            rows = slice(max(first - 1, 0), last + 2)
+            axis.plot(x[rows], z[rows], color=_colour(i))
+        axis.plot(x[motion.stance], z[motion.stance], linestyle="none", marker="o", markersize=3, color="0.3")
+    figure.supxlabel("x [m], ahead")
+    figure.supylabel("z [m], up")
+    return figure
+
+
+def _foot_speeds(study: GaitStudy, seen: Tracks) -> Figure:
+    """Chen 2021, Figs. 8 and 9, for all legs."""
+    turning = bool(np.isfinite(seen.foot_spin).all())
+    figure = _figure(10.0, 6.0 if turning else 3.6)
+    axes = np.atleast_1d(figure.subplots(1 + turning, 1, sharex=True)).tolist()
+    rows = ((seen.foot_speed, "speed [m/s]"), (seen.foot_turn_rate, "turn rate [rad/s]"))
+    for axis, (values, name) in zip(axes, rows, strict=False):
+        for i, leg in enumerate(study.robot.leg_names):
+            style = _STYLES[(i // len(_COLOURS)) % len(_STYLES)]
+            axis.plot(study.time, values[:, i], color=_colour(i), linestyle=style, label=leg)
+        axis.set_ylabel(name)
+        axis.margins(x=0.01)
+        _tidy(axis)
+    axes[0].legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False)
+    axes[-1].set_xlabel("time [s]")
+    figure.align_ylabels()
+    figure.suptitle(_title(study))
+    return figure
+
+
+def _curves(study: GaitStudy, what: str) -> Figure:
+    """One panel a leg, with its stance shaded: Rong 2012, Fig. 10, for all six legs."""
+    figure, axes = _panels(study, 1.9, share_x=True)
     for axis, motion in zip(axes, study.limbs, strict=False):
         limb = motion.limb
         if what == "speed":
@@ -111,17 +194,12 @@ def _curves(study: GaitStudy, what: str) -> Figure:
             axis.plot(study.time, signs[k] * values[:, k], color=_colour(k), linestyle=style, label=name)
         for first, last in _spans(motion.stance):
             axis.axvspan(study.time[first], study.time[last], color="0.5", alpha=0.12, linewidth=0.0)
-        axis.set_title(limb.name, loc="left", fontsize="medium")
         axis.margins(x=0.01)
-        _tidy(axis)
-    for axis in axes[count:]:
-        axis.set_visible(False)
     unit = _unit(study.robot.limbs[0], what)
     figure.supylabel(f"{what} [{unit}]" if unit else what)
     figure.supxlabel("time [s]; shaded: foot on the ground")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right upper", frameon=False)
-    figure.suptitle(_title(study))
     return figure
 
 
@@ -196,9 +274,14 @@ def _limits(study: GaitStudy) -> Figure:
 
 def _spans(stance: np.ndarray) -> list[tuple[int, int]]:
     """First and last sample of each run of stance."""
+    return _runs(stance, standing=True)
+
+
+def _runs(stance: np.ndarray, *, standing: bool) -> list[tuple[int, int]]:
+    """First and last sample of each run of stance, or of swing."""
     runs = []
-    for standing, group in itertools.groupby(range(stance.size), key=lambda k: bool(stance[k])):
+    for stands, group in itertools.groupby(range(stance.size), key=lambda k: bool(stance[k])):
         indices = list(group)
-        if standing:
+        if stands == standing:
             runs.append((indices[0], indices[-1]))
     return runs

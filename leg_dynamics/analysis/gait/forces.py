@@ -140,7 +140,8 @@ def _least_distance(
     e = np.append(np.zeros(Z.shape[1]), 1.0)
     weights, _ = nnls(E, e, maxiter=50 * E.shape[1])
     rest = E @ weights - e
-    if np.linalg.norm(rest) < 1e-9:
+    # At the optimum rest[-1] = -|rest|², which rounding may turn into zero: no forces fulfil all bounds.
+    if np.linalg.norm(rest) < 1e-9 or rest[-1] == 0.0:
         return None
     f = start - Z @ (rest[:-1] / rest[-1])
     return f if (G @ f >= -1e-9).all() else None

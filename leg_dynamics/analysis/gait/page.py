@@ -40,6 +40,8 @@ def render_page(study: GaitStudy, figures: Mapping[str, Figure] | None = None) -
         f'<p class="soft">Period {facts["period [s]"]:g} s, duty factor {facts["duty"]:.4g}, path law '
         f"{escape(facts['path_law'])}; foot forces: {escape(facts['load'])}.</p>",
         *tiles(_facts(facts)),
+        *_chosen(facts),
+        *_compared(facts),
         "<h2>Limits</h2>",
         f'<p class="soft">Signed margins over the cycle, the {_NEAREST} nearest of each leg, in the order of margin '
         "over half range; passive joints, ball joints, telescopes and clearances included.</p>",
@@ -48,6 +50,40 @@ def render_page(study: GaitStudy, figures: Mapping[str, Figure] | None = None) -
     for name, figure in (gait_figures(study) if figures is None else figures).items():
         body += drawing(figure, CAPTIONS[name])
     return html_page(title, body)
+
+
+def _chosen(facts: Mapping[str, Any]) -> Iterable[str]:
+    if not facts["choices"]:
+        return
+    yield "<h2>Why it walks like this</h2>"
+    yield from table(("parameter", "value", "why"), (each.values() for each in facts["choices"]))
+
+
+def _compared(facts: Mapping[str, Any]) -> Iterable[str]:
+    """How the body's motion changes the stability."""
+    bound = facts["margin_bound [m]"]
+    if bound is None and not facts["alternatives"]:
+        return
+    yield "<h2>Stability and the motion of the body</h2>"
+    if bound is not None:
+        yield (
+            f'<p class="soft">With these feet, steps and times no motion of the body has a least margin above '
+            f"{1e3 * bound:.1f} mm: where one foot touches down and another lifts off, the centre of mass has to be "
+            "over the feet that stand before and over those that stand after.</p>"
+        )
+    if facts["alternatives"]:
+        ends = ", ".join(
+            f"{name} {1e3 * low:.0f} … {1e3 * high:.0f} mm"
+            for name, (low, high) in facts["sway [m]"].items()
+            if high > low
+        )
+        rows = [(each["walk"], _margin(each["least_margin [m]"])) for each in facts["alternatives"]]
+        rows.append((f"this walk; sway {ends}", _margin(facts["stability_margin [m]"]["least"])))
+        yield from table(("body motion", "least static stability margin"), rows)
+
+
+def _margin(value: float | None) -> str:
+    return "a foot is out of reach" if value is None else f"{round(1e3 * value, 2) + 0.0:.2f} mm"
 
 
 def _facts(facts: Mapping[str, Any]) -> Iterable[tuple[str, str]]:

@@ -140,7 +140,9 @@ def phase_table(
     return table
 
 
-def swing_order(order: Sequence[str], robot: Robot, duty: float | None = None, name: str = "") -> PhaseTable:
+def swing_order(
+    order: Sequence[str], robot: Robot, duty: float | None = None, name: str = "", *, group: int = 1
+) -> PhaseTable:
     """A creeping gait: the legs swing one after another, each in its share of the period.
 
     Parameters
@@ -149,21 +151,27 @@ def swing_order(order: Sequence[str], robot: Robot, duty: float | None = None, n
         Every leg once; the k-th lifts off at k / N of the period. Chen 2021 has ``("III", "I", "IV", "II")``.
     robot : Robot
     duty : float, optional
-        1 - 1/N by default, so that the next leg lifts as one touches down; more leaves pauses.
+        1 - 1/N by default, so that the next leg lifts as one touches down; more leaves pauses with all feet down.
     name : str
+    group : int
+        As many legs swing without a pause between them, and a longer pause follows: in pairs, for the order above, it
+        comes where the next leg is the one diagonally across. N must be a multiple.
 
     Raises
     ------
     TrajectoryError
-        A leg is missing, unknown or named twice.
+        A leg is missing, unknown or named twice, or N is not a multiple of `group`.
     """
     if isinstance(order, str) or sorted(order) != sorted(robot.leg_names):
         raise TrajectoryError(f"the swing order must name every leg once: {', '.join(robot.leg_names)}")
     count = len(robot)
     share = 1.0 - 1.0 / count if duty is None else duty
-    lifts = {leg: k / count for k, leg in enumerate(order)}
+    size = arguments.whole("the number of legs in a group", group, 1, count)
+    if count % size:
+        raise TrajectoryError(f"{count} legs do not make groups of {size}; give a divisor of {count}")
     # PhaseTable refuses a duty that is not a number in (0, 1).
     table = PhaseTable((0.0,) * count, share)
+    lifts = {leg: (k - k % size) / count + (k % size) * (1.0 - table.duty) for k, leg in enumerate(order)}
     phases = tuple(lifts[leg] + 1.0 - table.duty for leg in robot.leg_names)
     return PhaseTable(phases, table.duty, name or "-".join(order))
 

@@ -121,8 +121,9 @@ def _limb(description: Description, prefix: str, models: Sequence[Any]) -> Limb:
         home = limb.to_body(model.foot_position(_home(description, limb)))
         return Limb(limb.name, model, pose, home, mirror, signs, prefix)
     size, where = min(nearest)
+    names = " nor ".join(repr(getattr(model, "name", "the leg")) for model in models)
     raise DescriptionError(
-        f"the leg {prefix!r} of {description.name!r} is neither {getattr(models[0], 'name', 'the leg')!r} nor a mirror "
+        f"the leg {prefix!r} of {description.name!r} is neither {names} nor a mirror "
         f"image of it: {where} differs by {size:.3g}; load the leg with the robot's parameters",
         file=description.file,
         margin=-size,

@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from leg_dynamics.analysis.gait.limits import LimitMargin
+from leg_dynamics.analysis.gait.steadying import margin_bound
 from leg_dynamics.analysis.gait.study import GaitStudy, LimbMotion
+from leg_dynamics.analysis.gait.tracks import Tracks, tracks
 
 __all__ = ["FILES", "columns", "limits_of", "summary", "write"]
 
@@ -20,13 +22,17 @@ FILES = (
     "summary.json",
     "cycle.csv",
     "report.html",
+    "stills.png",
+    "body.png",
+    "steps.png",
+    "foot_speeds.png",
     "feet.png",
     "speeds.png",
     "efforts.png",
     "stability.png",
     "limits.png",
 )
-"""What `write` makes in a folder."""
+"""What `write` makes in a folder; stills of a robot with a file only."""
 
 _LOADS = {
     "balanced": "least foot forces that push only and balance weight and body acceleration at the centre of mass",
@@ -40,7 +46,8 @@ def summary(study: GaitStudy) -> dict[str, Any]:
 
     Units are in the names or beside the numbers; coordinates and efforts have the signs of the robot's file.
     """
-    walk = study.walk
+    walk, seen = study.walk, tracks(study)
+    legs = [_leg(motion) for motion in study.limbs]
     return {
         "robot": study.robot.name,
         "gait": walk.table.name,
@@ -54,17 +61,25 @@ def summary(study: GaitStudy) -> dict[str, Any]:
         "path_law": walk.law,
         "body_height [m]": float(-walk.homes[:, 2].mean()),
         "body_tilt [rad]": _tilt(study),
+        "sway [m]": _sway(study),
+        "choices": [each._asdict() for each in study.choices],
         "samples": int(study.time.size),
         "mass [kg]": study.mass,
         "centre_of_mass": "trunk and every moving link of the legs where it is",
         "stability_margin [m]": _range(study.margin, study.time),
+        "margin_bound [m]": _finite(margin_bound(walk)),
+        "alternatives": [{"walk": name, "least_margin [m]": _finite(margin)} for name, margin in study.alternatives],
         "load": _LOADS[study.load],
         "friction": study.friction,
         "residual [N]": float(study.residual.max()),
         "largest_foot_force [N]": float(np.linalg.norm(study.force, axis=-1).max()),
         "limits_hold": all(each.holds for each in study.limits),
+        **_drives(legs),
         "nearest_limit": None if not study.limits else _limit(study.nearest_limits()[0], study.time),
-        "legs": [_leg(motion) | {"limits": limits_of(study, motion.limb.name)} for motion in study.limbs],
+        "body": _body(study, seen),
+        "legs": [
+            leg | _steps(study, seen, i) | {"limits": limits_of(study, leg["name"])} for i, leg in enumerate(legs)
+        ],
         "limits_between_legs": [_limit(each, study.time) for each in study.nearest_limits() if " + " in each.leg],
     }
 
@@ -77,6 +92,45 @@ def _tilt(study: GaitStudy) -> dict[str, list[float]]:
     angles = tilt.value(study.time / study.walk.period, study.walk.period)
     ends = np.stack([angles.min(axis=0), angles.max(axis=0)], axis=1)
     return dict(zip(("roll", "pitch"), ends.tolist(), strict=True))
+
+
+def _sway(study: GaitStudy) -> dict[str, list[float]]:
+    """Least and greatest shift of the body."""
+    sway = study.walk.sway
+    if sway is None:
+        return {"ahead": [0.0, 0.0], "left": [0.0, 0.0], "up": [0.0, 0.0]}
+    shift = sway.value(study.time / study.walk.period, study.walk.period)
+    ends = np.stack([shift.min(axis=0), shift.max(axis=0)], axis=1)
+    return dict(zip(("ahead", "left", "up"), ends.tolist(), strict=True))
+
+
+def _body(study: GaitStudy, seen: Tracks) -> dict[str, Any]:
+    """Way of the body's origin and of the centre of mass in a cycle, in the world."""
+    return {
+        "way [m]": (seen.body[-1] - seen.body[0]).tolist(),
+        "range [m]": np.ptp(seen.body, axis=0).tolist(),
+        "centre_of_mass_range [m]": np.ptp(seen.com, axis=0).tolist(),
+        "speed [m/s]": _range(np.linalg.norm(seen.body_velocity, axis=1), study.time),
+    }
+
+
+def _steps(study: GaitStudy, seen: Tracks, leg: int) -> dict[str, Any]:
+    """When a leg lifts off and touches down, how far it steps and how fast its foot moves and turns."""
+    walk, period = study.walk, study.walk.period
+    touch = walk.table.phases[leg]
+    ends = [float(np.mod(share, 1.0) * period) for share in (touch + walk.table.duty, touch)]
+    rate = float(seen.foot_turn_rate[:, leg].max())
+    return {
+        "lifts_off [s]": ends[0],
+        "touches_down [s]": ends[1] if ends[1] > 0.0 else period,
+        "step [m]": float(np.linalg.norm(seen.feet[-1, leg] - seen.feet[0, leg])),
+        "foot_speed [m/s]": float(seen.foot_speed[:, leg].max()),
+        "foot_turn_rate [rad/s]": _finite(rate),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def limits_of(study: GaitStudy, leg: str) -> list[dict[str, Any]]:
@@ -101,7 +155,7 @@ def _limit(each: LimitMargin, time: np.ndarray) -> dict[str, Any]:
 def _range(values: np.ndarray, time: np.ndarray) -> dict[str, float | None]:
     least = int(values.argmin())
     ends = {"least": float(values[least]), "at [s]": float(time[least]), "greatest": float(values.max())}
-    return {key: value if math.isfinite(value) else None for key, value in ends.items()}
+    return {key: _finite(value) for key, value in ends.items()}
 
 
 def _leg(motion: LimbMotion) -> dict[str, Any]:
@@ -118,6 +172,7 @@ def _leg(motion: LimbMotion) -> dict[str, Any]:
                 "position_margin": float(motion.position_margin[k]),
                 "speed": float(signs[k] * peaks.speed[k]),
                 "stance_speed": float(signs[k] * peaks.stance_speed[k]),
+                "speed_limit": _finite(speed_limit),
                 "speed_within_limit": bool(abs(peaks.speed[k]) <= speed_limit),
             }
         )
@@ -132,11 +187,30 @@ def _leg(motion: LimbMotion) -> dict[str, Any]:
                 "unit": effort_units[k],
                 "effort": float(sign * peaks.effort[k]),
                 "stance_effort": [float(end) for end in ends],
+                "effort_limit": _finite(limit),
                 "effort_within_limit": bool(abs(peaks.effort[k]) <= limit),
                 "power [W]": float(peaks.power[k]),
             }
         )
     return {"name": limb.name, "joints": drives, "actuators": efforts}
+
+
+def _drives(legs: list[dict[str, Any]]) -> dict[str, Any]:
+    """Whether the drives can do the gait; and in one sentence, if not, how far from it they are."""
+    rows = [row for leg in legs for row in (*leg["joints"], *leg["actuators"])]
+    failing: list[str] = []
+    for what, key, word in (("speed", "joint", "too fast"), ("effort", "actuator", "too strong")):
+        beyond = [row for row in rows if key in row and not row[f"{what}_within_limit"]]
+        if beyond:
+            worst = max(beyond, key=lambda row: abs(row[what]) / row[f"{what}_limit"])
+            unit = worst["unit"] + ("/s" if what == "speed" else "")
+            failing.append(
+                f"{len(beyond)} {key}{'s are' if len(beyond) > 1 else ' is'} {word}, the worst is {worst[key]} with "
+                f"{abs(worst[what]):.4g} {unit} where {worst[f'{what}_limit']:.4g} {unit} are allowed"
+            )
+    remedy = "take a longer period, a shorter stride or a lower clearance, or stronger drives"
+    sentence = f"the drives CANNOT do this gait: {'; '.join(failing)}; {remedy}" if failing else ""
+    return {"drives_suffice": not failing, "verdict": sentence or "speeds and efforts are within the drives' limits"}
 
 
 def _units(limb: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -149,12 +223,16 @@ def _units(limb: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def columns(study: GaitStudy) -> dict[str, np.ndarray]:
     """The whole cycle, one array (T,) a column, by its name with its unit in ASCII.
 
-    Feet and forces are in the body frame; coordinates and efforts have the signs of the robot's file. The limit margin
-    of a leg is the least normalised one of its limits.
+    Feet and forces are in the body frame, and what has `world` in its name, and speeds of feet, over the ground.
+    Coordinates and efforts have the signs of the robot's file. The limit margin of a leg is the least normalised one of
+    its limits.
     """
     table: dict[str, np.ndarray] = {"t [s]": study.time, "margin [m]": study.margin}
+    seen = tracks(study)
     for k, axis in enumerate("xyz"):
         table[f"com_{axis} [m]"] = study.com[:, k]
+    for what, place in (("body", seen.body), ("com", seen.com)):
+        table |= {f"{what}_world_{axis} [m]": place[:, k] for k, axis in enumerate("xyz")}
     if study.walk.tilt is not None:
         angles = study.walk.tilt.value(study.time / study.walk.period, study.walk.period)
         table |= {"roll [rad]": angles[:, 0], "pitch [rad]": angles[:, 1]}
@@ -163,6 +241,10 @@ def columns(study: GaitStudy) -> dict[str, np.ndarray]:
         table[f"{name}_stance"] = motion.stance.astype(float)
         for k, axis in enumerate("xyz"):
             table[f"{name}_foot_{axis} [m]"] = study.feet.position[:, i, k]
+        table |= {f"{name}_foot_world_{axis} [m]": seen.feet[:, i, k] for k, axis in enumerate("xyz")}
+        table[f"{name}_foot_speed [m/s]"] = seen.foot_speed[:, i]
+        if np.isfinite(seen.foot_spin[:, i]).all():
+            table[f"{name}_foot_turn_rate [rad/s]"] = seen.foot_turn_rate[:, i]
         units, effort_units = _units(limb)
         for symbol, values, suffix in (("", motion.trajectory.q, ""), ("v_", motion.trajectory.v, "/s")):
             for k, joint in enumerate(limb.joint_names):

@@ -19,7 +19,7 @@ from leg_dynamics.analysis.gait.walk import BodyMotion, FootMotion, Sway, Tilt, 
 from leg_dynamics.analysis.trajectories import FootPath, Trajectory
 from leg_dynamics.errors import AssemblyError, JointLimitError, RowError, SupportError, TrajectoryError
 
-__all__ = ["LOADS", "GaitStudy", "LimbMotion", "Peaks", "plan", "study"]
+__all__ = ["LOADS", "Choice", "GaitStudy", "LimbMotion", "Peaks", "instants", "plan", "static_margin", "study"]
 
 LOADS = ("balanced", "equal", "none")
 """How the standing feet carry the robot: `share_load`; each the same vertical force; or not at all."""
@@ -49,6 +49,15 @@ class Peaks(NamedTuple):
     """Least and greatest effort on the ground."""
     power: NDArray[np.float64]
     """Greatest mechanical power delivered, W; NaN where an actuator is not on a coordinate of its own."""
+
+
+class Choice(NamedTuple):
+    """One parameter of a walk and where it comes from."""
+
+    parameter: str
+    value: str
+    """With its unit."""
+    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +128,10 @@ class GaitStudy:
     friction : float or None
     limits : tuple of LimitMargin
         Margins of all that limits the legs' poses: joints driven and passive, cones, telescopes, clearances.
+    choices : tuple of Choice
+        Why the walk is as it is, where whoever planned it says so.
+    alternatives : tuple of (str, float)
+        Least static stability margins of other walks, m, for comparison; NaN where a foot would be out of reach.
     """
 
     robot: Robot
@@ -136,6 +149,8 @@ class GaitStudy:
     load: str
     friction: float | None
     limits: tuple[LimitMargin, ...] = ()
+    choices: tuple[Choice, ...] = ()
+    alternatives: tuple[tuple[str, float], ...] = ()
 
     def __repr__(self) -> str:
         return (
@@ -249,6 +264,8 @@ def study(
     friction: float | None = None,
     branch: str | None = None,
     limits: str = "error",
+    choices: Sequence[Choice] = (),
+    alternatives: Mapping[str, Walk] | None = None,
 ) -> GaitStudy:
     """Compute one cycle of a walk.
 
@@ -273,6 +290,10 @@ def study(
     limits : {"error", "ignore"}
         Whether poses outside a limit are refused: of a driven or a passive joint, a ball joint's cone, a telescope, or
         the clearance between two links. The margins of all are in `GaitStudy.limits` in any case.
+    choices : sequence of Choice, optional
+        Where the walk's parameters come from, for reports.
+    alternatives : mapping of str to Walk, optional
+        Walks whose least stability margin is computed for comparison.
 
     Returns
     -------
@@ -295,7 +316,7 @@ def study(
         raise TrajectoryError(f"the walk has {len(walk.table)} legs, but {robot.name!r} has {len(robot)}")
     if friction is not None and load != "balanced":
         raise TrajectoryError(f"a friction coefficient goes with balanced loads, not with {load!r} ones")
-    time, stance = _instants(walk, count)
+    time, stance = instants(walk, count)
     feet, body = walk.feet(time), walk.body(time)
     motions = [
         _follow(limb, time, FootMotion(*(values[:, i] for values in feet)), branch, limits)
@@ -307,8 +328,7 @@ def study(
     mass, com = robot.centre_of_mass([motion.q for motion in motions])
     # The ground is level; the body need not be.
     level, centre, gravity = body.level(feet.position), body.level(com), body.in_body(_rows(robot.gravity, time))
-    ground = np.where(stance, level[..., 2], 0.0).sum(axis=1) / np.maximum(stance.sum(axis=1), 1)
-    margin = support_margin(level[..., :2], stance, project(centre, robot.gravity, ground))
+    ground, margin = _support(robot, level, stance, centre)
     pull = body.level(gravity - body.acceleration_at(com))
     force, residual = _loads(robot, time, level, stance, centre, mass * pull, ground, load, friction)
     force = body.in_body(force)
@@ -316,9 +336,85 @@ def study(
         _loaded(limb, motion, stance[:, i], force[:, i], gravity - body.acceleration_at(limb.hip[:3, 3]))
         for i, (limb, motion) in enumerate(zip(robot.limbs, motions, strict=True))
     )
+    others = tuple((name, _least_margin(robot, other, count, branch)) for name, other in (alternatives or {}).items())
     return GaitStudy(
-        robot, walk, time, stance, feet, body, limbs, mass, com, margin, force, residual, load, friction, margins
+        robot,
+        walk,
+        time,
+        stance,
+        feet,
+        body,
+        limbs,
+        mass,
+        com,
+        margin,
+        force,
+        residual,
+        load,
+        friction,
+        margins,
+        tuple(choices),
+        others,
     )
+
+
+def static_margin(
+    robot: Robot, walk: Walk, *, samples: int = 400, branch: str | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Static stability margin over a cycle, as `GaitStudy.margin`, without forces and efforts; limits do not count.
+
+    Parameters
+    ----------
+    robot, walk, samples, branch
+        As for `study`.
+
+    Returns
+    -------
+    time, margin : numpy.ndarray, shape (T,)
+        s and m.
+
+    Raises
+    ------
+    OutOfReachError, SingularityError
+        A foot is out of reach or a pose singular; with `leg` and `time` (s).
+    """
+    count = arguments.whole("the number of samples", samples, 4, MAX_SAMPLES)
+    if len(walk.table) != len(robot):
+        raise TrajectoryError(f"the walk has {len(walk.table)} legs, but {robot.name!r} has {len(robot)}")
+    time, stance = instants(walk, count)
+    feet, body = walk.feet(time).position, walk.body(time)
+    _, com = robot.centre_of_mass(leg_poses(robot, time, feet, branch))
+    return time, _support(robot, body.level(feet), stance, body.level(com))[1]
+
+
+def leg_poses(
+    robot: Robot, time: NDArray[np.float64], feet: NDArray[np.float64], branch: str | None, hint: str = ""
+) -> list[NDArray[np.float64]]:
+    """Coordinates of each leg, (T, n), for feet (T, N, 3) in the body frame; errors name leg and time."""
+    poses = []
+    for i, limb in enumerate(robot.limbs):
+        try:
+            poses.append(np.asarray(limb.leg.inverse_kinematics(limb.to_leg(feet[:, i]), branch, limits="ignore")))
+        except RowError as error:
+            when = float(time[int(error.rows.min())])
+            evidence = dict(error.evidence) | {"leg": limb.name, "time": when}
+            raise type(error)(f"leg {limb.name!r} at t = {when:g} s: {error.message}{hint}", **evidence) from error
+    return poses
+
+
+def _support(
+    robot: Robot, feet: NDArray[np.float64], stance: NDArray[np.bool_], centre: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Height of the ground and static margin, (T,), for feet (T, N, 3) and centre of mass (T, 3) in level axes."""
+    ground = np.where(stance, feet[..., 2], 0.0).sum(axis=1) / np.maximum(stance.sum(axis=1), 1)
+    return ground, support_margin(feet[..., :2], stance, project(centre, robot.gravity, ground))
+
+
+def _least_margin(robot: Robot, walk: Walk, samples: int, branch: str | None) -> float:
+    try:
+        return float(static_margin(robot, walk, samples=samples, branch=branch)[1].min())
+    except RowError:
+        return float("nan")
 
 
 def _rows(vector: NDArray[np.float64], time: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -345,7 +441,7 @@ def _check_margins(margins: Sequence[LimitMargin], time: NDArray[np.float64]) ->
     )
 
 
-def _instants(walk: Walk, count: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def instants(walk: Walk, count: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Sample times with both sides of every switch, and which feet stand then, (T, N)."""
     switches = walk.table.switches()
     even = np.linspace(0.0, 1.0, count + 1)

@@ -290,12 +290,19 @@ class Walk:
             Analytic, velocity and acceleration exact; acceleration is continuous.
         """
         cycles = self.cycles(time)
+        since, world = self._planned(cycles)
+        return self._seen(cycles, since, world)
+
+    def _planned(self, cycles: NDArray[np.float64]) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+        """Time (..., N) since the middle of the last stance, s, and the feet's shift from home with two derivatives.
+
+        Shifts (..., N, 3) are in the world, seen from the carrier as it was in the middle of that stance.
+        """
         duty, swing = self.table.duty, self.swing_duration
         u = self.table.leg_phase(cycles)
         flown = np.clip((u - duty) / (1.0 - duty), 0.0, 1.0)
         profile = law(self.law, flown)
         lift = np.array([0.0, 0.0, self.clearance])
-        # In the world, seen from the carrier as it was in the middle of the last stance.
         world = [
             profile.along[k][..., None] * self._step / swing**k + profile.lift[k][..., None] * lift / swing**k
             for k in range(3)
@@ -303,7 +310,15 @@ class Walk:
         resting = u <= duty
         world[1][resting] = 0.0
         world[2][resting] = 0.0
-        return self._seen(cycles, (u - 0.5 * duty) * self.period, world)
+        return (u - 0.5 * duty) * self.period, world
+
+    def foot_velocity(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Velocities of the feet over the ground at times (T,), s: world axes, m/s, (T, N, 3); zero in the stance."""
+        cycles = self.cycles(time)
+        since, world = self._planned(cycles)
+        turned = self.twist.turned((cycles * self.period)[..., None] - since)
+        plane = np.einsum("...ij,...j->...i", turned, world[1][..., :2])
+        return np.concatenate([plane, world[1][..., 2:]], axis=-1)
 
     def _seen(
         self, cycles: NDArray[np.float64], since: NDArray[np.float64], world: list[NDArray[np.float64]]
@@ -376,6 +391,17 @@ class Walk:
             # What stands still in the carrier's axes turns backwards in the body's.
             spin_rate=own_rate - np.cross(own, turning),
         )
+
+    def body_velocity(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Velocity of the body's origin over the ground at times (T,), s: world axes, m/s, (T, 3)."""
+        cycles = self.cycles(time)
+        x, y, w = self.twist
+        own = np.broadcast_to([x, y, 0.0], (*cycles.shape, 3)).copy()
+        if self.sway is not None:
+            shift, rate = (self.sway.value(cycles, self.period, k) for k in range(2))
+            own += rate + w * np.stack([-shift[..., 1], shift[..., 0], 0.0 * shift[..., 2]], axis=-1)
+        plane = np.einsum("...ij,...j->...i", self.twist.turned(cycles * self.period), own[..., :2])
+        return np.concatenate([plane, own[..., 2:]], axis=-1)
 
     def in_world(self, time: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
         """Points of the body frame, (T, N, 3), in the world, m."""
