@@ -31,9 +31,11 @@ from leg_dynamics.errors import (
     NonFiniteError,
     OutputError,
     RouteError,
+    StudyError,
     TrajectoryError,
     UnsupportedError,
 )
+from leg_dynamics.papers import names as paper_names
 
 if TYPE_CHECKING:
     import numpy as np
@@ -353,7 +355,7 @@ def render_leg(
 
     if check and (set_ or output):
         raise typer.BadParameter("--check compares the shipped files; it goes with neither --set nor --output")
-    text = description.render(leg, parameters=_parameters(set_))
+    text = _rendered(leg, _parameters(set_))
     if check:
         if leg not in description.shipped_names():
             raise typer.BadParameter(f"--check is for shipped legs: {', '.join(description.shipped_names())}")
@@ -645,10 +647,13 @@ def design_leg(
         written.append(html)
     if as_json:
         _print_json(result.to_dict() | {"files": [str(path) for path in written]})
-        return
-    _show_design(result)
-    for file in written:
-        _say_written(file)
+    else:
+        if result.any_possible:
+            _show_design(result)
+        for file in written:
+            _say_written(file)
+    if not result.any_possible:
+        raise StudyError(result.why_nothing())
 
 
 @_command("workspace")
@@ -707,15 +712,30 @@ def workspace_leg(
 @_command("gait")
 def gait_robot(
     robot: Annotated[
-        str, typer.Argument(metavar="ROBOT", help="Robot with legs: shipped name, or path to .urdf / .urdf.xacro.")
+        str,
+        typer.Argument(
+            metavar="ROBOT",
+            help="Robot with legs: hexapod, quadruped, or path to .urdf / .urdf.xacro / .yaml. The quadruped has "
+            "defaults of its own: it creeps III,I,IV,II in 20 s with a sway.",
+        ),
     ],
     gait: Annotated[
-        str, typer.Option("--gait", metavar="tripod|wave|ripple", help="Which leg swings when.")
-    ] = "tripod",
-    leg: Annotated[
-        str | None, typer.Option("--leg", metavar="LEG", help="What its legs are; a shipped one that fits if absent.")
+        str | None,
+        typer.Option(
+            "--gait",
+            metavar="tripod|wave|ripple|LEG,LEG,...",
+            help="Which leg swings when: a name (tripod if absent), or every leg in the order of their swings.",
+        ),
     ] = None,
-    period: Annotated[float, typer.Option("--period", metavar="S", help="Of the gait, s.")] = 4.0,
+    group: Annotated[
+        int | None,
+        typer.Option("--group", metavar="N", help="Legs of such an order that swing without a pause in between; 1."),
+    ] = None,
+    leg: Annotated[
+        list[str] | None,
+        typer.Option("--leg", metavar="LEG", help="What its legs are; shipped ones that fit if absent; repeatable."),
+    ] = None,
+    period: Annotated[float | None, typer.Option("--period", metavar="S", help="Of the gait, s; 4 if absent.")] = None,
     stride: Annotated[
         float | None,
         typer.Option(
@@ -726,7 +746,9 @@ def gait_robot(
         str | None, typer.Option("--velocity", metavar="VX,VY", help="Of the body, m/s ahead and left, not --stride.")
     ] = None,
     turn: Annotated[float, typer.Option("--turn", metavar="W", help="Turn rate of the body, rad/s to the left.")] = 0.0,
-    clearance: Annotated[float, typer.Option("--clearance", metavar="M", help="Height of the swing, m.")] = 0.1,
+    clearance: Annotated[
+        float | None, typer.Option("--clearance", metavar="M", help="Height of the swing, m; 0.1 if absent.")
+    ] = None,
     duty: Annotated[
         float | None, typer.Option("--duty", metavar="X", help="Share of the period on the ground; the gait's own.")
     ] = None,
@@ -735,6 +757,30 @@ def gait_robot(
     ] = "polynomial",
     body_height: Annotated[
         float | None, typer.Option("--body-height", metavar="M", help="Body frame above the ground, m; home if absent.")
+    ] = None,
+    splay: Annotated[
+        float | None,
+        typer.Option(
+            "--splay",
+            metavar="RAD",
+            help="Legs turned from sideways, front ones ahead, rear ones back; home if absent.",
+        ),
+    ] = None,
+    reach: Annotated[
+        float | None,
+        typer.Option("--reach", metavar="M", help="Feet from their hips, seen from above, m; home if absent."),
+    ] = None,
+    sway: Annotated[
+        str | None,
+        typer.Option(
+            "--sway",
+            metavar="AHEAD,LEFT",
+            help="Let the body leave its even motion by up to so many m each way, for the greatest stability margin; "
+            "0,0 if absent.",
+        ),
+    ] = None,
+    harmonics: Annotated[
+        int | None, typer.Option("--harmonics", metavar="N", help="Of the sway: its highest frequency; 4 if absent.")
     ] = None,
     tilt: Annotated[
         str | None,
@@ -783,33 +829,49 @@ def gait_robot(
     if stride is not None and velocity is not None:
         raise typer.BadParameter("it goes with no --stride: the duty factor links both", param_hint="--velocity")
     model = _robot(robot, leg, route, set_)
-    walk = gaits.plan(
-        model,
-        gait,
-        period=period,
-        stride=(0.2 if stride is None else stride) if velocity is None else None,
-        velocity=None if velocity is None else _numbers("--velocity", velocity, 2),  # type: ignore[arg-type]
-        turn=turn,
-        clearance=clearance,
-        duty=duty,
-        law=law,
-        body_height=body_height,
-        tilt=_tilt(tilt, tilt_sine, tilt_cosine),
-    )
     with _error_console().status("walking"):
+        planned = gaits.plan_walk(
+            model,
+            gait=tuple(gait.split(",")) if gait is not None and "," in gait else gait,
+            group=group,
+            period=period,
+            stride=stride,
+            velocity=None if velocity is None else _numbers("--velocity", velocity, 2),
+            turn=turn,
+            clearance=clearance,
+            duty=duty,
+            law=law,
+            splay=splay,
+            reach=reach,
+            body_height=body_height,
+            sway=None if sway is None else _numbers("--sway", sway, 2),
+            harmonics=harmonics,
+            tilt=_tilt(tilt, tilt_sine, tilt_cosine),
+        )
         result = gaits.study(
-            model, walk, samples=samples, load=load, friction=friction, limits="ignore" if ignore_limits else "error"
+            model,
+            planned.walk,
+            samples=samples,
+            load=load,
+            friction=friction,
+            limits="ignore" if ignore_limits else "error",
+            choices=planned.choices,
+            alternatives=planned.alternatives,
         )
         written = [] if output is None else list(gaits.write(result, output))
     if html is not None:
         _write_walk(html, result)
         written.append(html)
+    facts = gaits.summary(result)
     if as_json:
-        _print_json(gaits.summary(result) | {"files": [str(path) for path in written]})
-        return
-    _show_gait(gaits.summary(result))
-    for path in written:
-        _say_written(path)
+        _print_json(facts | {"files": [str(path) for path in written]})
+    else:
+        _show_gait(facts)
+        for path in written:
+            _say_written(path)
+    if not (facts["drives_suffice"] or ignore_limits):
+        _complain("error: the drives cannot do this gait; see its summary")
+        raise typer.Exit(FAILED)
 
 
 @_command("demo")
@@ -856,7 +918,10 @@ def demo(
 
 @_command("reproduce")
 def reproduce_paper(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="The paper, by its leg's name: omnileg.")],
+    paper: Annotated[
+        str,
+        typer.Argument(metavar="PAPER", help=f"The paper, by its leg or robot: {', '.join(paper_names())}."),
+    ],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -916,6 +981,21 @@ def _load(
         return leg_dynamics.load(name, route, **options)
 
 
+def _rendered(name: str, parameters: dict[str, float] | None) -> str:
+    """Render a source to a text that `load` accepts; what it would refuse is refused here."""
+    import leg_dynamics
+    from leg_dynamics import description
+    from leg_dynamics.routes import has_closed_form
+
+    if parameters and name in description.shipped_names() and has_closed_form(name):
+        return leg_dynamics.load(name, parameters=parameters).description.urdf
+    if parameters:
+        return description.read(name, parameters=parameters).urdf
+    text = description.render(name)
+    description.parse(text, file=description.rendered_name(Path(name)))
+    return text
+
+
 def _load_quick(name: str, route: str | None, set_: Sequence[str] | None, foot: str | None, urdf: Path | None) -> Leg:
     """Load a leg for many thousand poses: compiled, where the caller names no route."""
     from leg_dynamics.routes import sibling
@@ -924,8 +1004,8 @@ def _load_quick(name: str, route: str | None, set_: Sequence[str] | None, foot: 
     return sibling(model, "symbolic") if route is None and model.route == "pinocchio" else model
 
 
-def _robot(name: str, leg: str | None, route: str | None, set_: Sequence[str] | None) -> Robot:
-    """Read a robot and the legs that it walks on: the named one, or the first shipped one that fits."""
+def _robot(name: str, legs: Sequence[str] | None, route: str | None, set_: Sequence[str] | None) -> Robot:
+    """Read a robot and the legs that it walks on: the named ones, or shipped ones that fit, one model or several."""
     import leg_dynamics
     from leg_dynamics import description
     from leg_dynamics.analysis.gait import robot_from
@@ -937,20 +1017,32 @@ def _robot(name: str, leg: str | None, route: str | None, set_: Sequence[str] | 
         known = description.read(candidate).parameters
         return [text for text in set_ or () if text.partition("=")[0].strip() in known]
 
-    if leg is not None:
-        return robot_from(mechanism, _load(leg, route, own(leg)))
+    if legs:
+        return robot_from(mechanism, [_load(leg, route, own(leg)) for leg in legs])
     reason = ""
+    partly: list[Leg] = []
     for candidate in leg_dynamics.available():
         if not description.read(candidate).has_link("foot"):
             continue
         try:
-            return robot_from(mechanism, _load(candidate, route, own(candidate)))
-        except (DescriptionError, FormulaAssumptionError, RouteError) as error:
-            if not reason and "prefixes" in error.evidence:
-                reason = f": {error.message.removeprefix(f'{mechanism.file}: ')}"
+            model = _load(candidate, route, own(candidate))
+        except (DescriptionError, FormulaAssumptionError, RouteError):
+            continue
+        try:
+            return robot_from(mechanism, model)
+        except DescriptionError as error:
+            # Some of the robot's legs may be this one, and some another.
+            if "prefixes" in error.evidence:
+                partly.append(model)
+                reason = reason or f": {error.message.removeprefix(f'{mechanism.file}: ')}"
+    if len(partly) > 1:
+        try:
+            return robot_from(mechanism, partly)
+        except DescriptionError as error:
+            reason = f": {error.message.removeprefix(f'{mechanism.file}: ')}"
     raise DescriptionError(
         f"{mechanism.name!r} has no legs that are a shipped one or its mirror image{reason}; give a robot, such as "
-        "hexapod, and name its leg with --leg",
+        "hexapod or quadruped, and name its leg with --leg",
         file=mechanism.file,
     )
 
@@ -1316,13 +1408,14 @@ def _show_design(result: StudyResult) -> None:
         facts = stage.to_dict()
         title = f"{study.leg.name}, stage {stage.number + 1}: {', '.join(facts['ranges'])}"
         if facts["kind"] == "sweep":
-            table = _table(title, *study.columns)
+            table = _table(title, *study.columns, *(["reason"] if facts["failed"] else []))
             for row in stage.rows:
                 design = {**{n: study.leg.parameters[n].value for n in study.columns if n in study.leg.parameters}}
                 values = {**design, **row.design, **row.values}
-                _add_row(table, *(_number(values[name]) for name in study.columns))
+                cells = ["" if math.isnan(values[name]) else _number(values[name]) for name in study.columns]
+                _add_row(table, *cells, *([row.reason] if facts["failed"] else []))
         else:
-            table = _table(title, "", "unit", "median of all", "accepted p10", "p50", "p90", "chosen")
+            table = _table(title, "", "unit", "median of valid", "accepted p10", "p50", "p90", "chosen")
             shown = {**facts["medians"], **facts["accepted_percentiles"]}
             for name in shown:
                 percentiles = facts["accepted_percentiles"].get(name, {})
@@ -1336,6 +1429,8 @@ def _show_design(result: StudyResult) -> None:
             + (f" ({failed})" if failed else "")
             + (f": {facts['why_none']}" if facts["why_none"] else "")
         )
+        if facts["failed"] and facts["kind"] != "sweep" and not facts["why_none"]:
+            _say(f"commonest reason: {facts['commonest_reason']}")
     if result.plan.resolution.samples:
         _say(result.plan.resolution.justification)
 
@@ -1372,6 +1467,8 @@ def _show_workspace(result: Workspace) -> None:
         _add_row(table, *row)
     console.print(table)
     _say(step.definition if step is not None else f"no step sizes: {result.step_reason}")
+    if step is not None and step.note:
+        _say(step.note)
     nearest, ended = result.active_shares(), result.border_shares()
     total = max(sum(ended.values()), 1)
     table = _table("Constraints that limit the leg", "constraint", "nearest in", "ends the boundary in")
@@ -1410,8 +1507,19 @@ def _show_gait(result: Mapping[str, Any]) -> None:
     phases = ", ".join(f"{name} {phase:.4g}" for name, phase in result["phases"].items())
     _say(f"touch-down as a share of the period: {phases}")
     margin = result["stability_margin [m]"]
-    least = "no foot on the ground" if margin["least"] is None else f"{margin['least']:.4f}"
+    least = "no foot on the ground" if margin["least"] is None else f"{round(margin['least'], 4) + 0.0:.4f}"
     _say(f"static stability margin: {least} m at {margin['at [s]']:.4g} s, up to {_number(margin['greatest'])} m")
+    bound = result["margin_bound [m]"]
+    if bound is not None:
+        _say(f"no motion of the body has more than {bound:.4f} m with these feet, steps and times")
+    for each in result["alternatives"]:
+        margin = each["least_margin [m]"]
+        _say(
+            f"  {each['walk']}: " + ("a foot is out of reach" if margin is None else f"{round(margin, 4) + 0.0:.4f} m")
+        )
+    shifts = [f"{name} {low:.4g} ... {high:.4g} m" for name, (low, high) in result["sway [m]"].items() if high > low]
+    if shifts:
+        _say(f"body sways: {', '.join(shifts)}")
     if result["body_tilt [rad]"] != {"roll": [0.0, 0.0], "pitch": [0.0, 0.0]}:
         roll, pitch = (" ... ".join(f"{end:.4g}" for end in tilt) for tilt in result["body_tilt [rad]"].values())
         _say(f"body tilted: roll {roll} rad, pitch {pitch} rad")
@@ -1427,10 +1535,10 @@ def _show_gait(result: Mapping[str, Any]) -> None:
     table = _table("Actuators", "actuator", "peak effort", "on the ground", "unit", "peak power", "")
     for leg in result["legs"]:
         for row in leg["actuators"]:
-            ends = " ... ".join(f"{end:+.1f}" for end in row["stance_effort"])
+            ends = " ... ".join(f"{end:+.4g}" for end in row["stance_effort"])
             note = "" if row["effort_within_limit"] else "TOO STRONG"
             _add_row(
-                table, row["actuator"], f"{row['effort']:+.1f}", ends, row["unit"], f"{row['power [W]']:.1f} W", note
+                table, row["actuator"], f"{row['effort']:+.4g}", ends, row["unit"], f"{row['power [W]']:.1f} W", note
             )
     console.print(table)
     table = _table("Limits, the nearest of each leg", "leg", "limit", "least margin", "over half range", "at", "")
@@ -1441,6 +1549,12 @@ def _show_gait(result: Mapping[str, Any]) -> None:
         least, share = f"{row['margin']:+.4f} {row['unit']}", f"{row['normalised']:+.3f}"
         _add_row(table, row["leg"], row["limit"], least, share, f"{row['at [s]']:.4g} s", note)
     console.print(table)
+    _say(result["verdict"])
+    if result["choices"]:
+        table = _table("Why it walks like this", "parameter", "value", "why")
+        for choice in result["choices"]:
+            _add_row(table, *choice.values())
+        console.print(table)
 
 
 _NEAREST_LIMITS = 2

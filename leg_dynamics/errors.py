@@ -15,6 +15,7 @@ import numpy as np
 __all__ = [
     "ActuationError",
     "AssemblyError",
+    "BranchError",
     "CrosscheckError",
     "DescriptionError",
     "FormulaAssumptionError",
@@ -198,6 +199,17 @@ class NonFiniteError(RowError, ValueError):
 
 class OutOfReachError(RowError, ValueError):
     """No joint angles put the foot there; `margin` is the missing distance in metres, negative."""
+
+
+class BranchError(OutOfReachError):
+    """The chosen branch of the inverse kinematics ends before the point, and another one holds it.
+
+    `margin` is how far the point is beyond the branch's end, m, negative; `holding` names the branches that hold the
+    first of the points.
+    """
+
+    branch: str
+    holding: tuple[str, ...]
 
 
 class JointLimitError(RowError, ValueError):

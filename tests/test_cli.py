@@ -324,6 +324,53 @@ def test_render_to_stdout_and_file(tmp_path):
     assert changed != shipped
 
 
+@pytest.mark.parametrize(
+    ("leg", "change", "words"),
+    [
+        ("hexapod_leg", "l1_min=1", "l1_min = 1 m must be at most l1_max = 0.9 m"),
+        ("hexapod_leg", "a=-1", "a = -1 m must be greater than 0 m"),
+        ("hexapod_leg", "side=0.5", "alpha3"),
+        ("hexapod", "rod_2_diameter=0.06", "at most sleeve_2_diameter - 2*sleeve_2_wall = 0.055 m"),
+        ("omnileg", "L1=-0.1", "L1"),
+    ],
+)
+def test_render_writes_no_impossible_leg(tmp_path, leg, change, words):
+    file = tmp_path / "leg.urdf"
+    rendered, loaded = (run(*way, leg, "--set", change) for way in (("render",), ("info",)))
+    refused = run("render", leg, "--set", change, "--output", file)
+    assert (rendered.code, rendered.out, refused.code) == (2, "", 2)
+    assert words in refused.err
+    if leg != "hexapod":  # a robot is no leg, which `info` says first
+        assert refused.err == rendered.err == loaded.err
+    assert not file.exists()
+
+
+def test_render_writes_a_leg_at_its_limits(tmp_path):
+    file = tmp_path / "leg.urdf"
+    assert run("render", "hexapod_leg", "--set", "rod_2_diameter=0.055", "--output", file).code == 0
+    assert run("info", file).code == 0
+
+
+def test_a_file_that_renders_to_no_mechanism_is_not_written(tmp_path):
+    source, file = tmp_path / "my.urdf.xacro", tmp_path / "my.urdf"
+    text = '<robot name="my" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="a"/>{}</robot>'
+    source.write_text(text.format('<joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint>'))
+    refused = run("render", source, "--output", file)
+    assert (refused.code, file.exists()) == (2, False)
+    assert "unknown link 'b'" in refused.err
+    source.write_text(text.format(""))
+    assert run("render", source, "--output", file).code == 0
+    assert file.exists()
+
+
+def test_help_of_reproduce_names_every_paper():
+    from leg_dynamics import papers
+
+    text = run("reproduce", "--help").out
+    assert papers.names()
+    assert all(name in text for name in papers.names())
+
+
 def test_render_check(tmp_path, monkeypatch):
     from leg_dynamics import description
 

@@ -65,3 +65,40 @@ def test_sweep_as_a_table():
 )
 def test_bad_usage(arguments, words):
     assert words in " ".join(run(LEG, *arguments, code=2).output.replace("│", " ").split())
+
+
+@pytest.mark.parametrize(
+    ("ranges", "words"),
+    [
+        (("--vary", "a=-0.3:-0.1"), "must be greater than 0 m"),
+        (("--vary", "l1_min=1:2"), "must be at most l1_max = 0.9 m"),
+        (("--sweep", "rod_2_diameter=0.06:0.08:3"), "at most sleeve_2_diameter - 2*sleeve_2_wall = 0.055 m"),
+    ],
+)
+def test_nothing_possible_is_an_error(tmp_path, ranges, words):
+    folder = tmp_path / "study"
+    result = run(LEG, *ranges, "--samples", "3", *QUICK, "--output", str(folder), code=2)
+    error = " ".join(result.stderr.split())
+    assert "error: none of the 3 designs is possible, most often by ParameterError: " in error
+    assert words in error
+    assert "(3 of 3 designs)" in error
+    assert "poses a design" not in result.output
+    found = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert found["resolution"] == ""
+    assert found["stages"][0]["reasons"] == {"ParameterError": 3}
+    assert len((folder / "designs.csv").read_text(encoding="utf-8").splitlines()) == 4
+
+
+def test_some_impossible_designs_are_none():
+    text = run(LEG, "--sweep", "a=-0.2:0.2:3", *QUICK).output
+    assert "3 designs, 1 accepted, 2 failed (2 ParameterError)" in text
+    assert "poses a design" in text
+
+
+def test_a_home_out_of_reach_is_blank_with_a_reason():
+    """Strut 2 is 0.4657 m long at home: below that limit no step starts there, above it one does."""
+    text = run(LEG, "--sweep", "l2_max=0.46:0.47:2", "--objective", "V", *QUICK).output
+    assert "2 designs, 1 accepted, 1 failed (1 WorkspaceError)" in text
+    words = " ".join(text.split())
+    assert "the home position [0.0, 0.0, 0.7] m is not feasible ('l2 upper limit', margin -0.00572" in words
+    assert "nan" not in text

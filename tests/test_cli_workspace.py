@@ -54,6 +54,21 @@ def test_tables_and_a_changed_parameter(monkeypatch):
         assert words in done.stdout
 
 
+def test_a_step_of_no_length_is_explained(tmp_path):
+    """The OmniLeg's home is the straight leg, on the edge of its workspace; a bent one is inside."""
+    page = tmp_path / "page.html"
+    done = run("workspace", "omnileg", "--tolerance", "0.05", "--html", page)
+    words = (
+        "L is 0 because the home position (0, 0, 0.5) m is on the edge of the workspace, which ends there along x by"
+    )
+    assert words in done.stdout
+    assert words in page.read_text(encoding="utf-8")
+    inside = run("workspace", "omnileg", "--tolerance", "0.05", "--height", "0.42", "--json")
+    step = json.loads(inside.stdout)["step"]
+    assert step["length"] > 0.1
+    assert step["note"] == ""
+
+
 def test_a_file_of_ones_own(tmp_path):
     file = tmp_path / "arm.urdf"
     file.write_text(PLANAR)

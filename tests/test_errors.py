@@ -27,6 +27,7 @@ FAMILY = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if iss
 BUILTIN = {
     "ActuationError": ValueError,
     "AssemblyError": ValueError,
+    "BranchError": ValueError,
     "CrosscheckError": AssertionError,
     "DescriptionError": ValueError,
     "FormulaAssumptionError": ValueError,

@@ -59,7 +59,7 @@ def test_folders_do_not_shadow_installed_packages():
 def test_every_parameter_says_unit_source_and_meaning(path):
     parameters = yaml.safe_load(path.read_text(encoding="utf-8"))
     for name, entry in parameters.items():
-        assert set(entry) == {"value", "unit", "source", "description"}, name
+        assert set(entry) - {"above", "least", "most", "below"} == {"value", "unit", "source", "description"}, name
         assert isinstance(entry["value"], int | float), name  # YAML reads 1e-6, without a dot, as text
         assert not isinstance(entry["value"], bool), name
         assert entry["unit"], name

@@ -40,7 +40,11 @@ def _text(vector: np.ndarray) -> str:
 class _Reader(FileReader):
     def check_positive(self, name: str, value: float) -> None:
         if value <= self.tolerance:
-            raise self.broken(f"the length {name} (m)", value, "positive", self.tolerance)
+            raise self.broken(f"the length {name} (m)", value, "a positive one", self.tolerance)
+
+    def check_not_negative(self, name: str, value: float) -> None:
+        if value < -self.tolerance:
+            raise self.broken(f"the length {name} (m)", value, "one that is not negative", self.tolerance)
 
     def check_place(self, element: str, found: np.ndarray, expected: np.ndarray) -> None:
         if np.linalg.norm(found - expected) > self.tolerance:
@@ -130,8 +134,9 @@ class _Reader(FileReader):
                 name = f"{kind}{i}"
                 self.check_place(f"the centre of joint {name!r}", self.pose.joint_centre(name), hip)
                 self.check_direction(f"joint {name!r}", self.pose.joint_axis(name), axis)
-        for name, value in (("b", b), ("c", c), ("e", e)):
-            self.check_positive(name, value)
+        self.check_positive("e", e)
+        for name, value in (("b", b), ("c", c)):
+            self.check_not_negative(name, value)
         self.check_place("the origin of link 'foot'", self.pose.transform("foot")[:3, 3], hips[0])
         self.check_place(f"loop {hinge.name!r} on strut 1", self.place(self.end_on(hinge, "sleeve_1")), b * _X + e * _Z)
         self.check_place(f"loop {hinge.name!r} on strut 2", self.place(self.end_on(hinge, "rod_2")), hips[1])

@@ -15,7 +15,7 @@ from leg_dynamics.kernels.cache import key_of
 if TYPE_CHECKING:
     import casadi
 
-__all__ = ["FORMULAS", "Formula", "FormulaKernels"]
+__all__ = ["FORMULAS", "Formula", "FormulaKernels", "complete", "in_tree_order"]
 
 
 class Formula(NamedTuple):
@@ -55,7 +55,8 @@ def _accelerated(module: ModuleType, leg: Any, q: Any, v: Any, force_of_joints: 
     return module.forward_dynamics(leg, q, v, free, gravity)
 
 
-def _in_tree_order(module: ModuleType, leg: Any, q: Any) -> Any:
+def in_tree_order(module: ModuleType, leg: Any, q: Any) -> Any:
+    """Tree coordinates as a tuple, in the order of ``TREE_JOINT_NAMES``."""
     coordinates = module.tree_coordinates(leg, q)
     return tuple(coordinates[name] for name in module.TREE_JOINT_NAMES)
 
@@ -69,7 +70,7 @@ def _plain(name: str, *inputs: str, reduced: bool = False, effort: str = "") -> 
 
 
 FORMULAS: dict[str, Formula] = {
-    "tree_coordinates": Formula(("q",), _in_tree_order),
+    "tree_coordinates": Formula(("q",), in_tree_order),
     "foot_position": _plain("foot_position", "q"),
     "foot_jacobian": _plain("foot_jacobian", "q"),
     "foot_jacobian_derivative": _plain("foot_jacobian_derivative", "q", "v"),

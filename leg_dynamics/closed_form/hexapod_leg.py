@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -97,6 +97,7 @@ __all__ = [
     "BASE_PARAMETER_UNITS",
     "BODY_NAMES",
     "BRANCHES",
+    "BRANCH_ENDS",
     "JOINT_NAMES",
     "SINGULARITY_LIMIT",
     "TREE_JOINT_NAMES",
@@ -138,6 +139,7 @@ __all__ = [
     "from_urdf",
     "gravity_torque",
     "hip_points",
+    "in_branch",
     "inverse_dynamics",
     "inverse_jacobian",
     "inverse_jacobian_determinant",
@@ -176,6 +178,14 @@ _SIGNS = {name: (h2, h3) for name, (h2, h3) in zip(ASSEMBLY_MODES, ((1, 1), (1, 
 SINGULARITY_LIMIT = 1e-6
 """Least usable value of `singularity_margins`; below, rates of passive angles lose more than half of their digits."""
 
+BRANCH_ENDS = MappingProxyType(
+    {
+        "hinge_margin": "B2 would lie {missing:.3g} m beyond the x axis",
+        "ball_margin": "B3 would lie {missing:.3g} m beyond the plane of the hip's joints",
+    }
+)
+"""What ends a branch where a margin of `InverseKinematics` is negative."""
+
 _AXIS_CLEARANCE = 1e-9
 """Distance (m) of the foot from the x axis below which alpha has no meaning left."""
 
@@ -195,9 +205,9 @@ class HexapodLeg:
     a: Scalar
     """A1 to A2 along x, and A1 to A3 along y."""
     b: Scalar
-    """B0 to B2, along u."""
+    """B0 to B2, along u; not negative."""
     c: Scalar
-    """B1 to B3, along p."""
+    """B1 to B3, along p; not negative."""
     e: Scalar
     """A1 to B0, along w."""
     bodies: tuple[Body, ...]
@@ -300,6 +310,11 @@ class InverseKinematics(NamedTuple):
         """The smallest margin, m."""
         return fmin(self.axis_margin, fmin(self.hinge_margin, self.ball_margin))
 
+    @property
+    def singular_margin(self) -> Scalar:
+        """Negative where the foot is on the x axis: lengths that put it there exist for any alpha."""
+        return self.axis_margin
+
 
 def inverse_kinematics(leg: HexapodLeg, p: Vector, branch: str = ASSEMBLY_MODES[0]) -> InverseKinematics:
     """Strut lengths that put the foot B1 at p (m) while the leg is in an assembly mode: (5)-(9).
@@ -333,6 +348,11 @@ def inverse_kinematics(leg: HexapodLeg, p: Vector, branch: str = ASSEMBLY_MODES[
     l2 = sqrt((k2 - a) * (k2 - a) + h2 * h2)  # (6)
     l3 = sqrt(x * x + (f + a) * (f + a) + h3 * h3)  # (7)
     return InverseKinematics((l1, l2, l3), hinge_side * h2, ball_side * h3, radius - _AXIS_CLEARANCE)
+
+
+def in_branch(leg: HexapodLeg, branch: str) -> HexapodLeg:
+    """Return the leg in the assembly mode that a branch of the inverse kinematics belongs to."""
+    return replace(leg, assembly_mode=branch)
 
 
 # Forward kinematics, which the paper lacks

@@ -13,7 +13,9 @@ Any module of this package serves that has ``JOINT_NAMES``, ``TREE_JOINT_NAMES``
 and, where it has models to choose between, ``OPTIONS`` (a mapping of names to allowed values, which `from_urdf` takes
 as keywords); where it has singular configurations, ``singularity_margins(leg, q)`` (values that vanish there) with
 ``SINGULARITY_LIMIT``; where not all coordinates close the loops, ``assembly_ranges(leg, q)`` (least and greatest value
-of each coordinate, the others as they are); where its inertia reduces to fewer base parameters,
+of each coordinate, the others as they are); where branches belong to assembly modes of their own,
+``in_branch(leg, branch)`` (the leg in that mode) and ``BRANCH_ENDS`` (what ends a branch, in words, by the name of a
+margin in the result of `inverse_kinematics`); where its inertia reduces to fewer base parameters,
 ``composite_parameters(leg)`` and the dynamic formulas above as ``composite_inverse_dynamics(leg, parameters, q, v, a,
 gravity, force)`` and so on, which kernels then use (``force`` acts on the foot; ``composite_forward_dynamics`` takes it
 too), and
@@ -36,11 +38,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from leg_dynamics import closed_form
-from leg_dynamics.closed_form.compiled import FormulaKernels, complete
+from leg_dynamics.closed_form.compiled import FormulaKernels, complete, in_tree_order
 from leg_dynamics.closed_form.numbers import named_numbers
 from leg_dynamics.description.topology import actuated_joints
 from leg_dynamics.errors import (
     AssemblyError,
+    BranchError,
     FormulaAssumptionError,
     OutOfReachError,
     RouteError,
@@ -416,32 +419,97 @@ class ClosedFormRoute:
             self._report_out_of_reach(p, branch, q, failures)
         return q
 
+    def tree_coordinates_in_branch(self, q: np.ndarray, branch: str) -> np.ndarray:
+        """Tree joint coordinates (N, n_tree) of what `inverse_kinematics` gives for a branch, in its assembly mode.
+
+        NaN where the lengths do not close in that mode, and for a leg whose branches have no modes of their own.
+        """
+        in_branch = getattr(self.module, "in_branch", None)
+        if in_branch is None:
+            return np.full((len(q), len(self.tree_joint_names)), np.nan)
+        return self.plain(lambda leg, own: in_tree_order(self.module, in_branch(leg, branch), own), q)
+
     def _report_out_of_reach(self, p: np.ndarray, branch: str, q: np.ndarray, failures: RowFailures) -> None:
         points = np.atleast_2d(p)
         failing = np.flatnonzero(np.isnan(np.atleast_2d(q)).any(axis=1))
-
-        def margins(numbers: Any, components: tuple[Any, ...]) -> Any:
-            found = self.module.inverse_kinematics(numbers, components, branch)
-            return found.margin, getattr(found, "singular_margin", 0.0)
-
-        margin, singular = np.minimum(self.plain(margins, points[failing]), 0.0).T
-        kinds: tuple[tuple[type[RowError], np.ndarray, str], ...] = (
+        points = points[failing]
+        margin, singular = np.minimum(self._branch_margins(points, branch), 0.0).T
+        others = [name for name in self.branches if name != branch]
+        held = np.array([(self._branch_margins(points, name) >= 0.0).all(axis=1) for name in others])
+        held = held.reshape(len(others), len(points)).T & (singular == 0.0)[:, None]
+        is_held = held.any(axis=1)
+        if is_held.any():
+            self._report_branch_end(points, branch, failing, margin, held, failures)
+        kinds: tuple[tuple[type[RowError], np.ndarray, np.ndarray, str], ...] = (
             (
                 OutOfReachError,
-                np.flatnonzero(singular == 0.0),
+                np.flatnonzero((singular == 0.0) & ~is_held),
+                margin,
                 "the foot cannot reach ({point}) m: {missing:.3g} m are missing; move the point inside the workspace",
             ),
             (
                 SingularityError,
                 np.flatnonzero(singular < 0.0),
+                singular,
                 "the joint angles at ({point}) m are not unique: the foot lies on an axis that a joint turns it about, "
                 "or {missing:.3g} m too close to it; move the point away from that axis",
             ),
         )
-        for kind, chosen, sentence in kinds:
-            if not chosen.size:
-                continue
-            rows = failing[chosen]
-            point = ", ".join(f"{value:.6g}" for value in points[rows[0]])
-            message = sentence.format(point=point, missing=-margin[chosen[0]])
-            failures.add(rows, kind(message, rows=rows, margin=margin[chosen]))
+        for kind, chosen, missing, sentence in kinds:
+            if chosen.size:
+                first = chosen[0]
+                message = sentence.format(point=_shown_point(points[first]), missing=-missing[first])
+                failures.add(failing[chosen], kind(message, rows=failing[chosen], margin=missing[chosen]))
+
+    def _branch_margins(self, points: np.ndarray, branch: str) -> np.ndarray:
+        """Margin of a branch at points (N, 3), and its singular margin, m, (N, 2)."""
+
+        def margins(numbers: Any, components: tuple[Any, ...]) -> Any:
+            found = self.module.inverse_kinematics(numbers, components, branch)
+            return found.margin, getattr(found, "singular_margin", 0.0)
+
+        return self.plain(margins, points)
+
+    def _report_branch_end(
+        self,
+        points: np.ndarray,
+        branch: str,
+        failing: np.ndarray,
+        margin: np.ndarray,
+        held: np.ndarray,
+        failures: RowFailures,
+    ) -> None:
+        """Report points (N, 3), rows `failing`, that branches other than this one hold (N, B - 1)."""
+        chosen = np.flatnonzero(held.any(axis=1))
+        first = chosen[0]
+        ends = getattr(self.module, "BRANCH_ENDS", {})
+
+        def parts(numbers: Any, components: tuple[Any, ...]) -> Any:
+            found = self.module.inverse_kinematics(numbers, components, branch)
+            return tuple(getattr(found, name) for name in ends)
+
+        reasons = [
+            text.format(missing=-value)
+            for text, value in zip(ends.values(), self.plain(parts, points[first]) if ends else (), strict=True)
+            if value < 0.0
+        ] or [f"it is {-margin[first]:.3g} m beyond its end"]
+        others = [name for name in self.branches if name != branch]
+        holding = tuple(name for name, holds in zip(others, held[first], strict=True) if holds)
+        which = "that branch" if len(holding) == 1 else "one of them"
+        failures.add(
+            failing[chosen],
+            BranchError(
+                f"branch {branch!r} of the inverse kinematics ends before ({_shown_point(points[first])}) m: there "
+                f"{' and '.join(reasons)}; the point is held by {' and '.join(map(repr, holding))}: choose {which}, "
+                f"or keep the foot where {branch!r} reaches",
+                rows=failing[chosen],
+                margin=margin[chosen],
+                branch=branch,
+                holding=holding,
+            ),
+        )
+
+
+def _shown_point(point: np.ndarray) -> str:
+    # Adding zero turns -0 into 0.
+    return ", ".join(f"{value + 0.0:.6g}" for value in point)

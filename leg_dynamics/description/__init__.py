@@ -25,7 +25,7 @@ from leg_dynamics.description.model import (
 )
 from leg_dynamics.description.parse import parse
 from leg_dynamics.description.reading import read
-from leg_dynamics.description.render import render
+from leg_dynamics.description.render import render, rendered_name
 from leg_dynamics.description.shipped import shipped_names, shipped_urdf, shipped_xacro
 from leg_dynamics.description.topology import (
     actuated_joints,
@@ -63,6 +63,7 @@ __all__ = [
     "parse",
     "read",
     "render",
+    "rendered_name",
     "shipped_names",
     "shipped_urdf",
     "shipped_xacro",

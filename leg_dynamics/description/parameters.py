@@ -1,10 +1,19 @@
-"""Named design parameters: the YAML files beside a xacro source, the arguments it declares, and new values for both."""
+"""Named design parameters: the YAML files beside a xacro source, the arguments it declares, and new values for both.
+
+A parameter's entry may say which values are possible, by a number or by a sum or product of other parameters:
+
+    rod_diameter: {value: 0.03, unit: m, above: 0, most: "sleeve_diameter - 2*sleeve_wall"}
+
+`above` and `below` exclude the bound itself, `least` and `most` include it.
+"""
 
 from __future__ import annotations
 
+import ast
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+import operator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -14,9 +23,12 @@ from leg_dynamics.description.xml_reader import Document, Node, nearest, read_ro
 from leg_dynamics.errors import ParameterError, RenderError
 
 __all__ = [
+    "Bound",
     "Overrides",
+    "check_bounds",
     "declared_arguments",
     "load_parameters",
+    "parameter_bounds",
     "parameters_files",
     "parameters_of",
     "read_text",
@@ -25,6 +37,117 @@ __all__ = [
 
 _ARGUMENT = "parameters"  # the xacro argument that names the YAML files
 _APART = ";"
+
+
+_RELATIONS: dict[str, tuple[str, Callable[[float, float], bool], float]] = {
+    "above": ("greater than", operator.gt, 1.0),
+    "least": ("at least", operator.ge, 1.0),
+    "most": ("at most", operator.le, -1.0),
+    "below": ("less than", operator.lt, -1.0),
+}
+"""In words, as a comparison of value and bound, and on which side of the bound the value is."""
+
+_ROUNDING = 1e-12
+"""Relative: a bound that is a sum of parameters, in decimals, is met by the value that the sum has on paper."""
+
+_OPERATIONS: dict[type[ast.operator], Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+}
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A limit that a parameters file sets to a parameter.
+
+    Attributes
+    ----------
+    parameter : str
+    relation : str
+        ``above``, ``least``, ``most`` or ``below``.
+    limit : str
+        A number, or an expression of parameters with + - * / and brackets.
+    place : str
+        File and line.
+    """
+
+    parameter: str
+    relation: str
+    limit: str
+    place: str
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Every parameter that has a say."""
+        return frozenset({self.parameter, *(n.id for n in ast.walk(self._tree()) if isinstance(n, ast.Name))})
+
+    def _tree(self) -> ast.expr:
+        return ast.parse(self.limit, mode="eval").body
+
+    def value(self, values: Mapping[str, float]) -> float:
+        """The limit for the values of all parameters.
+
+        Raises
+        ------
+        ParameterError
+            The expression is none, or names what is no parameter.
+        """
+
+        def evaluated(node: ast.expr) -> float:
+            if isinstance(node, ast.Constant) and _is_finite_number(node.value):
+                return float(node.value)  # type: ignore[arg-type]
+            if isinstance(node, ast.Name) and node.id in values:
+                return values[node.id]
+            if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+                return -evaluated(node.operand)
+            if isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
+                return _OPERATIONS[type(node.op)](evaluated(node.left), evaluated(node.right))
+            raise ValueError
+
+        try:
+            return evaluated(self._tree())
+        except (SyntaxError, ValueError, ZeroDivisionError, OverflowError, RecursionError):
+            raise ParameterError(
+                f"{self.place}: {self.relation}: {self.limit!r} of {self.parameter!r} is neither a number nor "
+                "a sum, difference, product or quotient of numbers and parameters",
+                name=self.parameter,
+            ) from None
+
+    def holds(self, values: Mapping[str, float]) -> bool:
+        """Whether the values of all parameters keep it."""
+        _, compare, side = _RELATIONS[self.relation]
+        value, limit = values[self.parameter], self.value(values)
+        rounding = _ROUNDING * max(abs(value), abs(limit)) if self.relation in ("least", "most") else 0.0
+        return compare(value, limit) or side * (value - limit) >= -rounding > 0.0
+
+    def check(self, values: Mapping[str, float], unit: str = "") -> None:
+        """Compare.
+
+        Raises
+        ------
+        ParameterError
+            The value is not possible; `value`, `limit` and `margin` (negative) are attributes.
+        """
+        if self.holds(values):
+            return
+        words, _, side = _RELATIONS[self.relation]
+        value, limit = values[self.parameter], self.value(values)
+        margin = side * (value - limit)
+        shown = "" if unit in ("", "1") else f" {unit}"
+        is_number = len(self.names) == 1
+        bound = f"{limit:.6g}{shown}" if is_number else f"{self.limit} = {limit:.6g}{shown}"
+        miss = f"it is {-margin:.3g}{shown} too {'small' if side > 0 else 'large'}" if margin else "it is just that"
+        others = sorted(self.names - {self.parameter})
+        remedy = f"change {' or '.join([self.parameter, *others])}" if others else "give another value"
+        raise ParameterError(
+            f"{self.parameter} = {value:.6g}{shown} must be {words} {bound}: {miss}; {remedy}",
+            name=self.parameter,
+            value=value,
+            limit=limit,
+            margin=margin,
+        )
 
 
 def read_text(path: Path, document: Document) -> str:
@@ -131,7 +254,7 @@ def parameters_files(arguments: Mapping[str, Node]) -> tuple[Path, ...]:
 
 
 def load_parameters(file: Path) -> tuple[dict[str, Any], dict[str, Parameter]]:
-    """A parameters YAML file: one mapping a parameter, ``L1: {value: 0.15, unit: m, source: "Table 2"}``.
+    """A parameters YAML file: one mapping a parameter, ``L1: {value: 0.15, unit: m, source: "Table 2", above: 0}``.
 
     Parameters
     ----------
@@ -193,6 +316,47 @@ def _is_finite_number(value: object) -> bool:
         return False
 
 
+def _bounds(data: Mapping[str, Any], file: Path) -> Iterator[Bound]:
+    """What the entries of a parameters file demand."""
+    for name, entry in data.items():
+        for relation in _RELATIONS:
+            if relation in entry:
+                yield Bound(name, relation, str(entry[relation]), str(file))
+
+
+def check_bounds(bounds: Iterable[Bound], parameters: Mapping[str, Parameter]) -> None:
+    """Compare every bound with the values of parameters.
+
+    Raises
+    ------
+    ParameterError
+        For the first that does not hold.
+    """
+    values = {name: each.value for name, each in parameters.items()}
+    for bound in bounds:
+        bound.check(values, parameters[bound.parameter].unit)
+
+
+def parameter_bounds(path: Path) -> tuple[Bound, ...]:
+    """Bounds that the parameters files of a xacro file set.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The xacro file.
+
+    Returns
+    -------
+    tuple of Bound
+
+    Raises
+    ------
+    ParameterError, RenderError
+        As `Overrides`.
+    """
+    return Overrides(path, None).bounds
+
+
 class Overrides:
     """New parameter values for one xacro file, sorted into entries of its YAML files and xacro arguments.
 
@@ -206,8 +370,8 @@ class Overrides:
     Raises
     ------
     ParameterError
-        Where a name is neither in a YAML file nor a declared argument, a value is no finite number, or two files have
-        a parameter of the same name.
+        Where a name is neither in a YAML file nor a declared argument, a value is no finite number or breaks a bound
+        that a file sets, or two files have a parameter of the same name.
     RenderError
         Where the xacro file is malformed.
     """
@@ -217,8 +381,10 @@ class Overrides:
         self.files = parameters_files(arguments)
         self.data: dict[str, Any] = {}
         self.parameters: dict[str, Parameter] = {}
+        read: list[tuple[Path, dict[str, Any]]] = []
         for file in self.files:
             data, parameters = load_parameters(file)
+            read.append((file, data))
             for name in parameters:
                 if name in self.parameters:
                     others = ", ".join(each.name for each in self.files if each != file)
@@ -245,6 +411,8 @@ class Overrides:
                 self.in_yaml[name] = float(value)
             else:
                 self.arguments[name] = repr(int(value) if float(value).is_integer() else float(value))
+        self.bounds = tuple(bound for file, data in read for bound in _bounds(data, file))
+        check_bounds(self.bounds, self.effective())
 
     def effective(self) -> dict[str, Parameter]:
         """The YAML files' parameters with the new values in place."""

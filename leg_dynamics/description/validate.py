@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
-from leg_dynamics.description.model import Description, Joint, Link
+from leg_dynamics.description.model import Description, Joint, Link, Telescope
 from leg_dynamics.description.topology import coupling_equation, coupling_paths
 from leg_dynamics.description.xml_reader import Document, nearest
 
 __all__ = ["validate"]
 
 _INERTIA_TOLERANCE = 1e-9  # relative to the largest principal moment: the rounding of a printed tensor
+_LIMIT_TOLERANCE = 1e-9  # rad or m, as `leg_dynamics.leg` has it: the rounding of a printed angle
 
 
 def validate(description: Description, document: Document) -> None:
@@ -33,13 +34,16 @@ def validate(description: Description, document: Document) -> None:
     Warns
     -----
     LegDynamicsWarning
-        For every link whose inertia no rigid body can have.
+        For every link whose inertia no rigid body can have, for telescopes that contradict their joints' limits, and
+        for every named configuration that is outside the limits of joints.
     """
     check_tree(description, document)
     check_mimics(description, document)
     check_couplings(description, document)
     check_transmissions(description, document)
     warn_about_inertia(description, document)
+    warn_about_telescopes(description, document)
+    warn_about_configurations(description, document)
 
 
 def check_tree(description: Description, document: Document) -> None:
@@ -188,3 +192,58 @@ def warn_about_inertia(description: Description, document: Document) -> None:
                 f"the largest exceeds the sum of the others by {(largest - smallest - middle) * scale:.3g}",
                 link.line,
             )
+
+
+def warn_about_telescopes(description: Description, document: Document) -> None:
+    """Warn once of telescopes whose joints' limits say what cannot be.
+
+    Tubes that come apart before the upper limit, or that overlap enough nowhere between the limits. A limit that is
+    merely less strict than the overlap is no contradiction.
+    """
+    wrong: list[tuple[float, Telescope]] = []
+    for telescope in description.telescopes:
+        limits, tubes = description.joint(telescope.joint).limits, telescope.sleeve + telescope.rod
+        if limits.lower - (tubes - telescope.overlap) > _LIMIT_TOLERANCE:
+            wrong.append((math.inf, telescope))
+        elif math.isfinite(limits.upper) and limits.upper - tubes > _LIMIT_TOLERANCE:
+            wrong.append((limits.upper - tubes, telescope))
+    if not wrong:
+        return
+    excess, each = max(wrong, key=lambda found: found[0])
+    limits, tubes = description.joint(each.joint).limits, each.sleeve + each.rod
+    problem = (
+        f"come apart at {tubes:.6g} m, {excess:.3g} m before its upper limit {limits.upper:g} m"
+        if math.isfinite(excess)
+        else f"overlap by {each.overlap:g} m only below {tubes - each.overlap:.6g} m, before its lower limit "
+        f"{limits.lower:g} m"
+    )
+    more = len(wrong) - 1
+    others = "" if more == 0 else f" (as do those of {more} more telescope{'s' * (more > 1)})"
+    document.warn(
+        f"the tubes of joint {each.joint!r}, sleeve {each.sleeve:g} m and rod {each.rod:g} m, {problem}{others}: give "
+        "longer tubes, or change the limits",
+        each.line,
+    )
+
+
+def warn_about_configurations(description: Description, document: Document) -> None:
+    """Warn of every named configuration that is outside the limits of joints, by the joint that is furthest outside."""
+    joints = {joint.name: joint for joint in description.joints}
+    for each in description.configurations:
+        outside: list[tuple[float, Joint, float]] = []
+        for name, value in each.values.items():
+            limits = joints[name].limits
+            excess = max(limits.lower - value, value - limits.upper)
+            if excess > _LIMIT_TOLERANCE:
+                outside.append((excess, joints[name], value))
+        if not outside:
+            continue
+        excess, joint, value = max(outside, key=lambda found: found[0])
+        side, bound = ("lower", joint.limits.lower) if value < joint.limits.lower else ("upper", joint.limits.upper)
+        others = f" ({len(outside) - 1} more outside theirs)" if len(outside) > 1 else ""
+        unit = joint.unit
+        document.warn(
+            f"configuration {each.name!r} has joint {joint.name!r} at {value:.6g} {unit}, {excess:.3g} {unit} beyond "
+            f"its {side} limit {bound:.6g} {unit}{others}: change the configuration or the limits",
+            each.line,
+        )

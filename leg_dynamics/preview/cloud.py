@@ -37,6 +37,8 @@ class Cloud:
         What they are.
     low, high : float
         Ends of the scale: the least value, and that which a fiftieth exceeds.
+    highest : float
+        The greatest value, infinity included: what exceeds `high` has its colour.
     """
 
     points: np.ndarray
@@ -44,6 +46,7 @@ class Cloud:
     label: str
     low: float
     high: float
+    highest: float
 
     @classmethod
     def of(cls, points: ArrayLike, values: ArrayLike, label: str = "") -> Cloud:
@@ -66,16 +69,18 @@ class Cloud:
                 f"row {bad[0]}: leave them out",
                 rows=bad,
             )
-        every = math.ceil(len(place) / MAXIMUM_POINTS)
+        every, highest = math.ceil(len(place) / MAXIMUM_POINTS), float(number.max())
         place, number = place[::every], number[::every]
         finite = number[np.isfinite(number)]
         low, high = (1.0, 1.0) if finite.size == 0 else (float(finite.min()), float(np.quantile(finite, 0.98)))
-        return cls(place, number, label, low, max(high, low))
+        return cls(place, number, label, low, max(high, low), highest)
 
     @property
     def note(self) -> str:
         """What the colours mean, in a few words."""
-        return f"{self.label} {self.low:.3g} (yellow) to {self.high:.3g} (violet)".strip()
+        low, high, highest = (f"{value:.3g}" for value in (self.low, self.high, self.highest))
+        beyond = "" if highest == high else f" and more, up to {'infinity' if math.isinf(self.highest) else highest}"
+        return f"{self.label} {low} (yellow) to {high}{beyond} (violet)".strip()
 
     def colours(self) -> np.ndarray:
         """Red, green, blue in 0..1, (N, 3)."""

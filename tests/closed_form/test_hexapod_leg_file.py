@@ -10,8 +10,8 @@ import leg_dynamics as ld
 from leg_dynamics import closed_form
 from leg_dynamics.closed_form import hexapod_leg as hexapod
 from leg_dynamics.closed_form import hexapod_leg_preliminary
-from leg_dynamics.description import parse, read, shipped_urdf
-from leg_dynamics.errors import DescriptionError, FormulaAssumptionError, ParameterError, RenderError
+from leg_dynamics.description import parse, read, render, shipped_urdf
+from leg_dynamics.errors import FormulaAssumptionError, LegDynamicsWarning, ParameterError
 from leg_dynamics.routes import sibling, with_text
 from leg_dynamics.verification.perturbation import with_random_inertia
 
@@ -152,19 +152,97 @@ def test_broken_assumptions_are_named(robot, case):
     assert caught.value.expected is not None
 
 
-def test_impossible_parameters_are_refused():
-    for parameters, kind, words in (
-        ({"a": -0.2}, FormulaAssumptionError, "the length a"),
-        ({"e": 0.0}, FormulaAssumptionError, "the length e"),
-        ({"b": -0.07}, DescriptionError, "negative mass"),
-        ({"rod_13_length": -0.5}, DescriptionError, "negative mass"),
-        ({"side": 0.5}, FormulaAssumptionError, "alpha3"),
-        ({"l1_min": 0.95}, DescriptionError, "exceeds its upper limit"),
-        ({"sleeve_13_wall": 0.05}, RenderError, "cannot have a wall"),
-        ({"a": float("nan")}, ParameterError, "finite"),
-    ):
-        with pytest.raises(kind, match=words):
-            ld.load("hexapod_leg", parameters=parameters)
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"a": -0.2}, "a = -0.2 m must be greater than 0 m: it is 0.2 m too small"),
+        ({"a": 0.0}, "a = 0 m must be greater than 0 m: it is just that"),
+        ({"e": 0.0}, "e = 0 m must be greater than 0 m"),
+        ({"b": -0.07}, "b = -0.07 m must be at least 0 m"),
+        ({"c": -0.05}, "c = -0.05 m must be at least 0 m"),
+        ({"h": -1.0}, "h = -1 m must be greater than 0 m"),
+        ({"rod_13_length": -0.5}, "rod_13_length = -0.5 m"),
+        ({"l1_min": 0.95}, "l1_min = 0.95 m must be at most l1_max = 0.9 m: it is 0.05 m too large"),
+        ({"l3_max": 0.5}, "l3_min = 0.53 m must be at most l3_max = 0.5 m"),
+        ({"sleeve_13_wall": 0.05}, "sleeve_13_wall = 0.05 m must be at most sleeve_13_diameter/2 = 0.0325 m"),
+        ({"rod_13_diameter": 0.0551}, "at most sleeve_13_diameter - 2*sleeve_13_wall = 0.055 m: it is 0.0001 m too"),
+        ({"universal_range": 180.1}, "universal_range = 180.1 deg must be at most 180 deg"),
+        ({"a": float("nan")}, "finite"),
+    ],
+)
+@pytest.mark.parametrize("name", ["hexapod_leg", "hexapod_leg_preliminary"])
+def test_impossible_parameters_are_refused(name, parameters, words):
+    if name == "hexapod_leg_preliminary" and any(key.startswith("l") for key in parameters):
+        parameters = {"l1_max": 0.9, "l3_min": 0.53} | parameters
+    for make in (ld.load, render):
+        with pytest.raises(ParameterError) as caught:
+            make(name, parameters=parameters)
+        assert words in str(caught.value)
+        assert "pinocchio" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"l1_min": 0.9},
+        {"rod_13_diameter": 0.055},
+        {"rod_13_wall": 0.015},
+        {"universal_range": 180.0},
+        {"rod_2_length": 0.29},
+        {"overlap_min": 0.29},
+        {"h": 0.531},
+    ],
+)
+def test_parameters_at_their_limits_are_accepted(parameters):
+    if "l1_min" in parameters:
+        parameters = {**parameters, "h": 0.9, "l3_max": 0.95}
+    leg = ld.load("hexapod_leg", parameters=parameters)
+    assert {name: leg.parameters[name].value for name in parameters} == parameters
+
+
+def test_a_side_that_is_neither_is_no_leg_of_the_formulas():
+    with pytest.raises(FormulaAssumptionError, match="alpha3"):
+        ld.load("hexapod_leg", parameters={"side": 0.5})
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        (
+            {"rod_2_length": 0.289},
+            "sleeve 0.31 m and rod 0.289 m, come apart at 0.599 m, 0.001 m before its upper limit",
+        ),
+        ({"rod_2_length": 0.1}, "come apart at 0.41 m, 0.19 m before its upper limit 0.6 m"),
+        ({"rod_2_length": 0.01}, "overlap by 0 m only below 0.32 m, before its lower limit 0.33 m"),
+        ({"overlap_min": 0.2901}, "overlap by 0.2901 m only below 0.3299 m, before its lower limit 0.33 m"),
+        ({"h": 0.52}, "configuration 'home' has joint 'l1' at 0.52 m, 0.01 m beyond its lower limit 0.53 m"),
+        ({"h": 5.0}, "at 5.00225 m, 4.1 m beyond its upper limit 0.9 m (1 more outside theirs)"),
+    ],
+)
+def test_limits_that_contradict_each_other_are_one_warning(parameters, words):
+    with pytest.warns(LegDynamicsWarning) as caught:
+        read("hexapod_leg", parameters=parameters)
+    (warning,) = caught
+    assert words in str(warning.message)
+
+
+def test_a_robot_warns_once_of_all_its_legs():
+    with pytest.warns(LegDynamicsWarning, match=r"as do those of 5 more telescopes") as caught:
+        read("hexapod", parameters={"rod_2_length": 0.28})
+    assert len(caught) == 1
+
+
+@pytest.mark.parametrize("zero", ["b", "c"])
+def test_links_may_have_no_length(zero):
+    leg = ld.load("hexapod_leg", parameters={zero: 0.0})
+    other = sibling(leg, "pinocchio")
+    rng = np.random.default_rng(3)
+    alpha, beta, l1 = rng.uniform([-0.5, -0.5, 0.6], [0.5, 0.3, 0.85], (30, 3)).T
+    p = np.stack([l1 * np.sin(beta), -l1 * np.sin(alpha) * np.cos(beta), l1 * np.cos(alpha) * np.cos(beta)], axis=-1)
+    q = leg.inverse_kinematics(p, limits="ignore")
+    v, a, force = rng.normal(size=(3, 30, 3))
+    expected = other.torque(q, v, a, foot_force=force)
+    assert (np.abs(leg.torque(q, v, a, foot_force=force) - expected) / (1 + np.abs(expected))).max() < 1e-9
 
 
 @pytest.mark.parametrize("overrides", [{}, {"side": -1, "l1_friction": 20, "l3_damping": 40, "l2_drive_mass": 3.0}])

@@ -11,6 +11,7 @@ from leg_dynamics.closed_form import hexapod_leg as hexapod
 from leg_dynamics.description import read
 from leg_dynamics.errors import (
     AssemblyError,
+    BranchError,
     JointLimitError,
     NonFiniteError,
     OutOfReachError,
@@ -228,11 +229,14 @@ def test_condition_number_is_that_of_the_singular_values(leg, feet):
 
 def test_named_errors_of_the_interface():
     leg = ld.load("hexapod_leg")
-    with pytest.raises(OutOfReachError) as caught:
+    with pytest.raises(BranchError) as caught:
         leg.inverse_kinematics([0.1, 0.1, -0.3], limits="ignore")
     assert caught.value.margin == pytest.approx(-0.3158, abs=1e-4)
-    with pytest.raises(OutOfReachError):
-        leg.inverse_kinematics([0.0, 0.0, 0.0])
+    for point in ([0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.5, 0.9e-9, 0.0]):
+        with pytest.raises(SingularityError, match="not unique") as failed:
+            leg.inverse_kinematics(point)
+        assert -1e-9 <= failed.value.margin < 0.0
+    leg.inverse_kinematics([0.2, 2e-9, 0.6], limits="ignore")
     with pytest.raises(JointLimitError) as caught:
         leg.inverse_kinematics([0.1, 0.1, 1.3])
     assert caught.value.margin == pytest.approx(0.9 - np.linalg.norm([0.1, 0.1, 1.3]))
@@ -244,6 +248,55 @@ def test_named_errors_of_the_interface():
     rows = leg.foot_position([[0.55, 0.4, 0.9], [0.7, 0.45, 0.7]], on_error="nan")
     assert np.isnan(rows[0]).all()
     assert np.isfinite(rows[1]).all()
+
+
+def test_a_branch_ends_where_b2_passes_the_x_axis():
+    """h2 = e cos(beta) - b sin(beta) = 0: a foot path on either side of it, and the branch that holds the rest."""
+    leg = ld.load("hexapod_leg")
+    end = np.arctan2(leg.numbers["e"], leg.numbers["b"])
+    inside, outside = (0.7 * np.array([np.sin(beta), 0.0, np.cos(beta)]) for beta in (end - 1e-6, end + 1e-6))
+    assert np.isfinite(leg.inverse_kinematics(inside, limits="ignore")).all()
+    with pytest.raises(BranchError, match=r"'B2_down_B3_down'.*B2 would lie .* beyond the x axis") as caught:
+        leg.inverse_kinematics(outside, limits="ignore")
+    error = caught.value
+    assert isinstance(error, OutOfReachError)
+    assert (error.branch, error.holding) == ("B2_down_B3_down", ("B2_up_B3_down",))
+    assert error.margin == pytest.approx(-1e-6 * np.hypot(leg.numbers["e"], leg.numbers["b"]), rel=1e-6)
+    q = leg.inverse_kinematics(outside, error.holding[0], limits="ignore")
+    other = dataclasses.replace(leg.backend.numbers, assembly_mode=error.holding[0])
+    np.testing.assert_allclose(hexapod.foot_position(other, tuple(q)), outside, atol=1e-9)
+    path = 0.7 * np.array([[np.sin(beta), 0.0, np.cos(beta)] for beta in np.radians(np.linspace(40.0, 89.0, 50))])
+    with pytest.raises(BranchError, match=r"8 of 50 rows failed; first row 42: branch .* 0.00669 m") as failed:
+        leg.inverse_kinematics(path, limits="ignore")
+    assert failed.value.rows.tolist() == list(range(42, 50))
+
+
+def test_the_branch_of_another_mode_says_what_it_misses():
+    leg, point = ld.load("hexapod_leg"), [0.25, 0.2, 0.65]
+    with pytest.raises(BranchError, match=r"B3 would lie 0\.635 m beyond the plane of the hip's joints") as caught:
+        leg.inverse_kinematics(point, "B2_down_B3_up")
+    assert caught.value.holding == ("B2_down_B3_down", "B2_up_B3_down")
+    for branch in caught.value.holding:
+        assert np.isfinite(leg.inverse_kinematics(point, branch, limits="ignore")).all()
+
+
+def test_passive_limits_hold_in_the_modes_of_other_branches():
+    """Limits from the pose itself: just wide enough for every passive joint of the mode, or just too narrow for one."""
+    base, point, branch = ld.load("hexapod_leg"), np.array([0.25, 0.2, 0.65]), "B2_up_B3_down"
+    q = base.inverse_kinematics(point, branch, limits="ignore")
+    turned = hexapod.tree_coordinates(dataclasses.replace(base.backend.numbers, assembly_mode=branch), tuple(q))
+    needed = np.degrees(max(abs(value) for name, value in turned.items() if name[0] in "ab"))
+    assert 150.0 < needed < 179.0
+    wide = {"l2_max": 0.8, "rod_2_length": 0.5}
+    for reach, fits in ((needed + 0.01, True), (needed - 0.01, False)):
+        leg = ld.load("hexapod_leg", parameters={**wide, "universal_range": reach})
+        if fits:
+            np.testing.assert_array_equal(leg.inverse_kinematics(point, branch), q)
+        else:
+            with pytest.raises(JointLimitError, match=r"(alpha|beta)\d = ") as caught:
+                leg.inverse_kinematics(point, branch)
+            assert caught.value.margin == pytest.approx(-np.radians(0.01), abs=1e-6)
+            assert np.isnan(leg.inverse_kinematics([point, point], branch, on_error="nan")).all()
 
 
 def test_lengths_close_inside_their_ranges_only(leg):

@@ -393,3 +393,84 @@ def test_bad_lists_of_parameter_files(two_files: Path, default: str, message: st
     two_files.write_text(TWO_FILES.replace("first.yaml;second.yaml", default))
     with pytest.raises(RenderError, match=message):
         render(two_files)
+
+
+BOUNDED = """wall: {value: 0.005, unit: m, least: 0, source: t}
+outer: {value: 0.065, unit: m, above: 0, source: t}
+inner: {value: 0.03, unit: m, above: 0, most: "outer - 2*wall", source: t}
+share: {value: 0.5, unit: "1", below: 1, least: "-(1/4)", source: t}
+"""
+BOUNDED_SOURCE = (
+    HEAD
+    + """<xacro:arg name="parameters" default="b.yaml"/>
+<xacro:property name="p" value="${xacro.load_yaml('$(arg parameters)')}"/>
+<link name="a"><visual><geometry><sphere radius="${p.inner.value}"/></geometry></visual></link></robot>
+"""
+)
+
+
+@pytest.fixture
+def bounded(tmp_path: Path) -> Path:
+    (tmp_path / "b.yaml").write_text(BOUNDED)
+    return write(tmp_path, BOUNDED_SOURCE, "b.xacro")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            {"inner": 0.0551},
+            "inner = 0.0551 m must be at most outer - 2*wall = 0.055 m: it is 0.0001 m too large; change ",
+        ),
+        ({"wall": 0.02}, "inner = 0.03 m must be at most outer - 2*wall = 0.025 m: it is 0.005 m too large"),
+        ({"outer": 0}, "outer = 0 m must be greater than 0 m: it is just that; give another value"),
+        ({"wall": -1e-9}, "wall = -1e-09 m must be at least 0 m: it is 1e-09 m too small"),
+        ({"share": 1}, "share = 1 must be less than 1: it is just that"),
+        ({"share": -0.2501}, "share = -0.2501 must be at least -0.25: it is 0.0001 too small"),
+    ],
+)
+def test_bounds_of_parameters(bounded: Path, values: dict[str, float], message: str) -> None:
+    for make in (render, lambda path, parameters: read(path, parameters=parameters)):
+        with pytest.raises(ParameterError) as caught:
+            make(bounded, values)
+        assert message in str(caught.value)
+        assert caught.value.margin <= 0.0
+        assert caught.value.value == float({"inner": 0.03, **values}[caught.value.name])
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"inner": 0.055}, {"outer": 0.04}, {"wall": 0}, {"outer": 1e-9, "inner": 1e-9, "wall": 0}, {"share": -0.25}],
+)
+def test_bounds_that_are_met_exactly(bounded: Path, values: dict[str, float]) -> None:
+    found = read(bounded, parameters=values).parameters
+    assert {name: found[name].value for name in values} == {name: float(value) for name, value in values.items()}
+
+
+@pytest.mark.parametrize(
+    "bound",
+    [
+        '"outer +"',
+        "other",
+        '"outer/0"',
+        "\"__import__('os')\"",
+        '"outer.real"',
+        '"outer**2"',
+        "true",
+        ".inf",
+        '"2 < 3"',
+    ],
+)
+def test_a_bound_that_is_none(bounded: Path, bound: str) -> None:
+    file = bounded.with_name("b.yaml")
+    file.write_text(BOUNDED.replace('"outer - 2*wall"', bound))
+    with pytest.raises(ParameterError, match=r"b\.yaml: most: .* of 'inner' is neither a number nor a sum"):
+        read(bounded)
+
+
+def test_a_file_whose_own_values_break_a_bound(bounded: Path) -> None:
+    file = bounded.with_name("b.yaml")
+    file.write_text(BOUNDED.replace("value: 0.03", "value: 0.06"))
+    with pytest.raises(ParameterError, match=r"inner = 0\.06 m must be at most"):
+        read(bounded)
+    assert read(bounded, parameters={"inner": 0.03}).parameters["inner"].value == 0.03

@@ -52,6 +52,8 @@ class PoseKernels:
     feet : mapping of str to Kernel
         By branch of the inverse kinematics: (foot (3,), numbers (K,)) -> `OUTPUTS` and the coordinates (3,) beside
         them.
+    wanted : list of str
+        Names of the constraints.
     """
 
     def __init__(self, leg: Leg, numbers: NumberMap, scales: np.ndarray, ignore: tuple[str, ...]) -> None:
@@ -62,7 +64,9 @@ class PoseKernels:
         self.wanted = [each.name for each in constraints_of(leg.description, ignore)]
         backend: Any = leg.backend
         sources = (source_fingerprint(f"leg_dynamics.{place}") for place in _SOURCES)
-        made_from = key_of(backend.kernels.ingredients, repr((numbers.names, self.wanted, scales.tolist())), *sources)
+        self._made_from = made_from = key_of(
+            backend.kernels.ingredients, repr((numbers.names, self.wanted, scales.tolist())), *sources
+        )
         self.poses: Kernel = kernel("design_pose", key_of(made_from, "pose"), self._pose_program)
         self.feet: Mapping[str, Kernel] = {
             branch: kernel(
@@ -70,6 +74,34 @@ class PoseKernels:
             )
             for branch in leg.branches
         }
+
+    @functools.cached_property
+    def margins(self) -> Kernel:
+        """(q (3,), numbers (K,)) -> margins of all constraints and what they are normalised by, (2 C,)."""
+        from leg_dynamics.kernels import kernel
+        from leg_dynamics.kernels.cache import key_of
+
+        return kernel("design_margins", key_of(self._made_from, "margins"), self._margins_program)
+
+    def _margins_program(self) -> Any:
+        import casadi
+
+        from leg_dynamics.kernels import Argument, Program
+
+        backend: Any = self.leg.backend
+        q, symbols = casadi.SX.sym("q", 3), casadi.SX.sym("numbers", len(self.numbers.names))
+        vary, values = self._route_values(symbols)
+        tree, _ = backend.kernels.program("tree_coordinates", vary).formula(q, values)
+        margins, scales = self._margin_graphs(tree, symbols)
+        outputs = casadi.vertcat(*(margins[name] for name in self.wanted), *(scales[name] for name in self.wanted))
+        graph = casadi.Function("design_margins", [q, symbols], casadi.cse([outputs, casadi.SX(0, 1)]))
+        arguments = (Argument("q", (3,)), Argument("numbers", (len(self.numbers.names),)))
+        return Program("design_margins", arguments, (Argument("margins", (2 * len(self.wanted),)),), graph)
+
+    def _margin_graphs(self, tree: Any, symbols: Any) -> Any:
+        coordinates = {name: tree[k] for k, name in enumerate(self.leg.tree_joint_names)}
+        known = dict(zip(self.numbers.names, (symbols[k] for k in range(symbols.numel())), strict=True))
+        return margin_formulas(self.leg.description, known, coordinates)
 
     def _route_values(self, symbols: Any) -> tuple[tuple[str, ...], Any]:
         import casadi
@@ -89,10 +121,8 @@ class PoseKernels:
             return backend.kernels.program(name, vary).formula(q, values)
 
         (tree, guards), (foot, _), (jacobian, _) = map(formula, ("tree_coordinates", "foot_position", "foot_jacobian"))
-        coordinates = {name: tree[k] for k, name in enumerate(self.leg.tree_joint_names)}
-        known = dict(zip(self.numbers.names, (symbols[k] for k in range(symbols.numel())), strict=True))
         worst = casadi.SX(np.inf)
-        margins, scales = margin_formulas(self.leg.description, known, coordinates)
+        margins, scales = self._margin_graphs(tree, symbols)
         for name in self.wanted:
             normalised = margins[name] / scales[name]
             worst = normalised if worst.is_constant() else casadi.fmin(worst, normalised)

@@ -14,6 +14,7 @@ import numpy as np
 
 from leg_dynamics.analysis.design.poses import OnePose
 from leg_dynamics.analysis.workspace.sampling import sobol_sequence
+from leg_dynamics.analysis.workspace.step import no_step, with_home
 
 __all__ = ["DEXTERITY", "STEP", "Sampler", "dexterity_indices", "half_widths", "step_indices"]
 
@@ -115,14 +116,16 @@ def half_widths(ones: Iterable[OnePose], names: Iterable[str], count: int, sign:
     return worst
 
 
-def step_indices(one: OnePose, box: np.ndarray | None, sign: float, down: float) -> dict[str, float]:
+def step_indices(one: OnePose, box: np.ndarray, sign: float, down: float) -> dict[str, float]:
     """Step length L and heights Z_f, Z_b (Z is Z_b, the one whose trends the paper's figures have), m.
+
+    As `leg_dynamics.analysis.workspace.step_sizes` has them.
 
     Parameters
     ----------
     one : OnePose
         With three coordinates.
-    box : (2, 3) array or None
+    box : (2, 3) array
         Corners of the box of the feasible feet, m.
     sign : float
     down : float
@@ -131,13 +134,17 @@ def step_indices(one: OnePose, box: np.ndarray | None, sign: float, down: float)
     Returns
     -------
     dict of str to float
-        L is 0 where home is not feasible: no chord goes through it. Z_f and Z_b do not need home to be feasible, and
-        are NaN where nothing is feasible on their side.
+
+    Raises
+    ------
+    WorkspaceError
+        The home position is not feasible: no step starts there.
     """
-    if box is None:
-        return {"L": 0.0, "Z": math.nan, "Z_b": math.nan, "Z_f": math.nan}
-    pad = 0.05 * (box[1] - box[0]) + 1e-3
-    plane = _Plane(one, sign, down, box[0] - pad, box[1] + pad)
+    if not _inside(one.feet(one.home[None]), sign)[0]:
+        raise no_step(one.home, *one.active_at(one.home))
+    lower, upper = with_home(box[0], box[1], one.home)
+    pad = 0.05 * (upper - lower) + 1e-3
+    plane = _Plane(one, sign, down, lower - pad, upper + pad)
     back, front = plane.lift(-1.0), plane.lift(1.0)
     return {"L": plane.chord(), "Z": back, "Z_b": back, "Z_f": front}
 
@@ -155,10 +162,7 @@ class _Plane:
         return _inside(self.one.feet(points), self.sign).reshape(x.shape)
 
     def chord(self) -> float:
-        x0, h = np.array([self.x0]), np.array(self.h)
-        if not self.feasible(x0, h)[0]:
-            return 0.0
-        ends = []
+        h, ends = np.array(self.h), []
         for bound in (self.lower[0], self.upper[0]):
             line = np.linspace(self.x0, bound, _LINE)
             outside = np.flatnonzero(~self.feasible(line, h))
@@ -196,7 +200,8 @@ class _Plane:
     def _rises(self, x: np.ndarray) -> np.ndarray:
         """Rise of the highest feasible foot at each x (N,); -inf where there is none."""
         ends = (self.lower[2], self.upper[2]) if self.down > 0.0 else (self.upper[2], self.lower[2])
-        z = np.linspace(*ends, _HEIGHTS)  # from the top down
+        # From the top down, home's own height too: a workspace may be thinner than the lines are apart.
+        z = np.sort(np.append(np.linspace(*ends, _HEIGHTS), self.h))[:: int(self.down)]
         inside = self.feasible(x[:, None], z[None, :])
         rise = np.full(len(x), -np.inf)
         columns = np.flatnonzero(inside.any(axis=1))

@@ -28,7 +28,7 @@ def render_page(result: StudyResult) -> str:
     body = [
         f"<h1>Design study of {escape(study.leg.name)}</h1>",
         f'<p class="soft">Seed {study.seed}; filters: {escape(filters)}; constraints left out: '
-        f"{escape(', '.join(study.ignore) or 'none')}. {escape(result.plan.resolution.justification)}.</p>",
+        f"{escape(', '.join(study.ignore) or 'none')}. {escape(result.to_dict()['resolution'])}.</p>",
     ]
     for stage in result.stages:
         body += _stage(stage)
@@ -62,4 +62,4 @@ def _stage(stage: StageResult) -> Iterable[str]:
         )
         for name in {**facts["medians"], **percentiles}
     ]
-    yield from table(("", "median of all", "accepted p10", "p50", "p90"), rows)
+    yield from table(("", "median of valid", "accepted p10", "p50", "p90"), rows)

@@ -12,7 +12,9 @@ from leg_dynamics.analysis.design.graphs import PoseKernels
 from leg_dynamics.analysis.design.numbers import NumberMap, build
 from leg_dynamics.analysis.dexterity import column_scales, home_coordinates
 from leg_dynamics.analysis.workspace import FootEvaluator, PoseEvaluator, Poses
+from leg_dynamics.analysis.workspace.poses import ASSEMBLY, NAMES, SINGULAR
 from leg_dynamics.analysis.workspace.sampling import choose_sign
+from leg_dynamics.description.parameters import Bound, parameter_bounds
 from leg_dynamics.errors import LegDynamicsError, WorkspaceError
 
 if TYPE_CHECKING:
@@ -42,6 +44,10 @@ class OnePose(Protocol):
 
     def feet(self, p: np.ndarray) -> np.ndarray:
         """The same of foot positions p (N, 3), with the coordinates beside them, (N, 6 + n), of the best branch."""
+        ...
+
+    def active_at(self, p: np.ndarray) -> tuple[str, float]:
+        """Constraint that a foot position (3,) which is not feasible breaks by most: its name and margin, rad or m."""
         ...
 
     def leg(self) -> Leg:
@@ -84,6 +90,9 @@ class Family:
         order = [actuators.index(name) for name in leg.joint_names]
         self.kernels = PoseKernels(leg, numbers, scales[order], tuple(ignore))
         self.rows = {name: k for k, name in enumerate(numbers.names)}
+        varied = set(numbers.parameters)
+        # What the parameters file says is possible; the numbers of the kinematics do not show all of it.
+        self.bounds = tuple(bound for bound in _bounds(leg) if bound.names & varied)
         self.branches = self._own_branches()
 
     def _own_branches(self) -> tuple[str, ...]:
@@ -110,6 +119,9 @@ class Family:
     def _is_doubtful(self, design: Mapping[str, float], numbers: np.ndarray) -> bool:
         """Whether a design may be impossible, so that it must be rendered to know."""
         parameters = self.base.parameters
+        values = {**{name: each.value for name, each in parameters.items()}, **design}
+        if not all(bound.holds(values) for bound in self.bounds):
+            return True
         if any(value * parameters[name].value <= 0.0 < abs(parameters[name].value) for name, value in design.items()):
             return True
         for name, k in self.rows.items():
@@ -161,6 +173,16 @@ class _OfFamily:
             better = np.nan_to_num(other[:, 0], nan=-np.inf) > np.nan_to_num(best[:, 0], nan=-np.inf)
             best = np.where(better[:, None], other, best)
         return best
+
+    def active_at(self, p: np.ndarray) -> tuple[str, float]:
+        q = self.feet(p[None])[0, 6:]
+        if not np.isfinite(q).all():
+            return NAMES[ASSEMBLY], np.nan
+        margins, scales = self.family.kernels.margins.ufunc(q, self.numbers).reshape(2, -1)
+        worst = int(np.argmin(margins / scales)) if margins.size else -1
+        if worst < 0 or margins[worst] >= 0.0:
+            return NAMES[SINGULAR], np.nan
+        return self.family.kernels.wanted[worst], float(margins[worst])
 
     @functools.cached_property
     def _leg(self) -> Leg:
@@ -216,8 +238,26 @@ class _OfSingle:
         found = self._foot(p)
         return np.concatenate([_columns(found), found.q], axis=1)
 
+    def active_at(self, p: np.ndarray) -> tuple[str, float]:
+        found = self._foot(p[None])
+        margin = float(found.margin[0])
+        if margin >= 0.0:  # the sign of det J is not the evaluator's
+            return self._evaluate.name_of(SINGULAR), np.nan
+        return self._evaluate.name_of(found.active[0]), margin
+
     def leg(self) -> Leg:
         return self._leg
+
+
+def _bounds(leg: Leg) -> tuple[Bound, ...]:
+    """Bounds of the leg's parameters, from the source that it was read from."""
+    from leg_dynamics.description.shipped import existing_file, shipped_xacro
+
+    source = getattr(leg.recipe, "source", None)
+    if source is None or not leg.parameters:
+        return ()
+    path = existing_file(source) or shipped_xacro(source)
+    return parameter_bounds(path) if path.name.endswith(".xacro") else ()
 
 
 def _columns(found: Poses) -> np.ndarray:

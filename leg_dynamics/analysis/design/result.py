@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["StageResult", "StudyResult"]
 
 PERCENTILES = (10, 50, 90)
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d.]*(e[-+]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -77,11 +79,11 @@ class StageResult:
         return np.array([row.values[name] if name in row.values else row.design.get(name, default) for row in rows])
 
     def medians(self) -> dict[str, float]:
-        """Median of every objective over the rows that have it."""
-        found = {}
+        """Median of every objective over the designs that did not fail and have it."""
+        found, valid = {}, np.array([row.status == "ok" for row in self.rows])
         for each in self.study.objectives:
             values = self.column(each.name)
-            values = values[np.isfinite(values)]
+            values = values[np.isfinite(values) & valid]
             found[each.name] = float(np.median(values)) if values.size else math.nan
         return found
 
@@ -101,6 +103,17 @@ class StageResult:
         """How many rows failed for each class of error."""
         return dict(Counter(row.reason.partition(":")[0] for row in self.rows if row.status != "ok"))
 
+    def commonest_reason(self) -> str:
+        """Reason of a failed design, of those that fail most often alike but for numbers; empty without any."""
+        alike: dict[str, list[str]] = {}
+        for row in self.rows:
+            if row.status != "ok":
+                alike.setdefault(_NUMBER.sub("", row.reason), []).append(row.reason)
+        if not alike:
+            return ""
+        most = max(alike.values(), key=len)
+        return f"{most[0]} ({len(most)} of {len(self.rows)} designs)"
+
     def why_none(self) -> str:
         """Which filters the designs fail, and the best value of each."""
         parts = []
@@ -113,7 +126,10 @@ class StageResult:
                 parts.append(f"{each} holds in {100 * share:.3g} % of the designs, the best has {best:.6g}")
         failed = sum(row.status != "ok" for row in self.rows)
         if failed:
-            parts.append(f"{failed} of {len(self.rows)} designs are impossible or have no workspace")
+            parts.append(
+                f"{failed} of {len(self.rows)} designs are impossible or have no workspace or step, most often "
+                f"{self.commonest_reason()}"
+            )
         return "; ".join(parts) or "no row is valid"
 
     def to_dict(self) -> dict[str, Any]:
@@ -127,6 +143,7 @@ class StageResult:
             "designs": len(self.rows),
             "failed": sum(row.status != "ok" for row in self.rows),
             "reasons": self.reasons(),
+            "commonest_reason": self.commonest_reason(),
             "accepted": sum(row.accepted for row in self.rows),
             "medians": self.medians(),
             "accepted_percentiles": self.percentiles(),
@@ -156,6 +173,21 @@ class StudyResult:
         """The design that the last stage chose."""
         return self.stages[-1].chosen
 
+    @property
+    def any_possible(self) -> bool:
+        """Whether some design of some stage did not fail."""
+        return any(row.status == "ok" for stage in self.stages for row in stage.rows)
+
+    def why_nothing(self) -> str:
+        """One sentence on a study whose designs all failed; empty where some did not."""
+        if self.any_possible:
+            return ""
+        first = self.stages[0]
+        return (
+            f"none of the {len(first.rows)} designs is possible, most often by {first.commonest_reason()}: vary other "
+            "ranges, or change the leg that the study starts from"
+        )
+
     def chosen_parameters(self) -> dict[str, float] | None:
         """What ``leg_dynamics.load(NAME, parameters=...)`` makes the chosen design of: its own changes, and the leg's.
 
@@ -182,7 +214,7 @@ class StudyResult:
             "evaluation": "one kernel for all designs" if plan.numbers is not None else f"single: {plan.why_single}",
             "samples_a_design": plan.resolution.samples,
             "half_widths": plan.resolution.half_widths,
-            "resolution": plan.resolution.justification if plan.resolution.samples else "",
+            "resolution": plan.resolution.justification if plan.resolution.samples and self.any_possible else "",
             "stages": [stage.to_dict() for stage in self.stages],
             "chosen_parameters": self.chosen_parameters(),
         }

@@ -236,11 +236,13 @@ class Resolution(NamedTuple):
     @property
     def reached(self) -> bool:
         """Whether all half widths are within the tolerance."""
-        return all(value <= self.tolerance for value in self.half_widths.values())
+        return bool(self.half_widths) and all(value <= self.tolerance for value in self.half_widths.values())
 
     @property
     def justification(self) -> str:
         """Why there are so many, in one sentence."""
+        if not self.half_widths:
+            return f"{self.samples:,} poses a design: no design of the ranges could be made to choose a number by"
         widths = ", ".join(f"{name} ± {100 * value:.2g} %" for name, value in self.half_widths.items())
         verdict = "within" if self.reached else "NOT within"
         return (
@@ -300,7 +302,7 @@ def _resolution(study: Study, designs: Designs, sign: float, *, single: bool) ->
     import warnings
 
     # Of a workspace that is tiny in its box few samples are feasible: such designs are not what a study is about.
-    ones = [designs.at({})]
+    ones, made = [designs.at({})], 0
     least = _LEAST_PILOT * dexterity_indices(ones[0], Sampler(len(ones[0].lower), 4096, 0).points, sign)[0]["V"]
     for index in range(_TRIES):
         if len(ones) == 1 + (1 if single else _PILOTS):
@@ -311,8 +313,11 @@ def _resolution(study: Study, designs: Designs, sign: float, *, single: bool) ->
             one = designs.at(design)
         except LegDynamicsError:
             continue
+        made += 1
         if dexterity_indices(one, Sampler(len(one.lower), 4096, 0).points, sign)[0]["V"] > least:
             ones.append(one)
+    if made == 0:
+        return Resolution(1 << _FIRST, {}, 0, study.tolerance)
     last = _LAST_SINGLE if single else _LAST
     # L and Z are found by bisection: the samples only bound where they are looked for.
     wanted = [each.name for each in study.objectives]
@@ -342,7 +347,8 @@ class Row:
     reason : str
         Class and sentence of the error.
     values : dict of str to float
-        Objectives; NaN where one does not exist, or was not computed because the design fails a filter already.
+        Objectives; NaN where one does not exist, or was not computed because the design fails a filter already. A
+        failed design may have some: without a feasible home position it has a workspace and no step.
     accepted : bool
     """
 
@@ -401,18 +407,19 @@ class Evaluator:
         """Fill in the objectives, cheap ones first; returns what is wrong with the design, if anything."""
         wanted = set(values)
         known: list[str] = ["(parameters)"]
-        one, problem = self.designs.at(design), ""
+        one = self.designs.at(design)
         if wanted & {*DEXTERITY, *STEP}:
             assert self.points is not None
             found, box = dexterity_indices(one, self.points, self.plan.sign)
+            values.update({name: value for name, value in found.items() if name in wanted})
+            if box is None:
+                return f"WorkspaceError: none of {len(self.points)} samples is feasible: the workspace is empty"
             if wanted & set(STEP):
                 found |= step_indices(one, box, self.plan.sign, self.down)
             values.update({name: value for name, value in found.items() if name in wanted})
             known += [name for name in found if name in wanted]
-            if box is None:
-                return f"WorkspaceError: none of {len(self.points)} samples is feasible: the workspace is empty"
         if not self._passes(design, values, known):
-            return problem
+            return ""
         path = self.study.path
         if path is not None and wanted & set(MOTION):
             forces = bool(wanted & {"peak_force", "peak_power"})
@@ -420,7 +427,7 @@ class Evaluator:
             values.update({name: value for name, value in moved.items() if name in wanted})
             known += [name for name in moved if name in wanted]
             if not self._passes(design, values, known):
-                return problem
+                return ""
         if "mass" in wanted:
             values["mass"] = moving_mass(self.study.leg, design)
             known.append("mass")
@@ -428,7 +435,7 @@ class Evaluator:
             if each.function is not None and self._passes(design, values, known):
                 values[each.name] = _own(each, build(self.study.leg, design))
                 known.append(each.name)
-        return problem
+        return ""
 
 
 def _own(objective: Objective, leg: Leg) -> float:

@@ -78,4 +78,5 @@ def _step(result: Workspace) -> Iterable[str]:
         ("Z_b", step.back, f"x = {step.back_at[0]:.4f} m, {step.back_limit}"),
     ]
     rows_of = table(("size", "m", "limited by"), [(name, f"{value:.4f}", by) for name, value, by in rows])
-    return ["<h2>Step length and height</h2>", *rows_of, f'<p class="soft">{escape(step.definition)}.</p>']
+    note = [f"<p>{escape(step.note)}.</p>"] if step.note else []
+    return ["<h2>Step length and height</h2>", *rows_of, *note, f'<p class="soft">{escape(step.definition)}.</p>']

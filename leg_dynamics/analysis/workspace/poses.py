@@ -20,12 +20,14 @@ from leg_dynamics.errors import NonFiniteError, RowFailures, ShapeError, Unsuppo
 if TYPE_CHECKING:
     from leg_dynamics.leg import Leg
 
-__all__ = ["ASSEMBLY", "FREE", "SINGULAR", "PoseEvaluator", "Poses", "margins"]
+__all__ = ["ASSEMBLY", "FREE", "NAMES", "SINGULAR", "PoseEvaluator", "Poses", "margins"]
 
 ASSEMBLY, SINGULAR, FREE = -1, -2, -3
 """Instead of a constraint's index: the loops cannot be closed; det J has the other sign; nothing limits the leg."""
 
-_NAMES = {ASSEMBLY: "assembly", SINGULAR: "singularity", FREE: "none"}
+NAMES = {ASSEMBLY: "assembly", SINGULAR: "singularity", FREE: "none"}
+"""What is said of these."""
+
 _BLOCK = 4096
 """Rows at a time: what the kernels hand to each other stays in the processor's cache."""
 
@@ -160,12 +162,12 @@ class PoseEvaluator:
 
     def name_of(self, index: int) -> str:
         """Name of the constraint with that index, of `Poses.active`."""
-        return _NAMES[int(index)] if index < 0 else self.constraints[int(index)].name
+        return NAMES[int(index)] if index < 0 else self.constraints[int(index)].name
 
     @property
     def names(self) -> dict[int, str]:
         """Every index that `Poses.active` may hold, with its name."""
-        return dict(enumerate(each.name for each in self.constraints)) | _NAMES
+        return dict(enumerate(each.name for each in self.constraints)) | NAMES
 
     @property
     def is_compiled(self) -> bool:

@@ -22,7 +22,10 @@ from leg_dynamics.analysis.workspace.boundary import bisected
 from leg_dynamics.analysis.workspace.foot import FootEvaluator
 from leg_dynamics.errors import WorkspaceError
 
-__all__ = ["DEFINITION", "Step", "step_sizes"]
+__all__ = ["DEFINITION", "Step", "no_step", "step_sizes", "with_home"]
+
+_NO_LENGTH = 1e-6
+"""Of the workspace's x-extent: a chord that is shorter is none."""
 
 _HALVINGS = 28
 """Of a scan's step, which is some millimetres: the ends are exact to less than a nanometre."""
@@ -77,9 +80,47 @@ class Step:
     back_limit: str
     definition: str = DEFINITION
 
+    @property
+    def note(self) -> str:
+        """Why L is zero although the home position is feasible; empty where it is not."""
+        if self.length > _NO_LENGTH * self.extent:
+            return ""
+        ends = " and ".join(dict.fromkeys((self.start_limit, self.end_limit)))
+        place = ", ".join(f"{round(value, 6) + 0.0:g}" for value in self.home)
+        return (
+            f"L is 0 because the home position ({place}) m is on the edge of the workspace, which ends there "
+            f"along x by {ends}; take another height, or another home configuration"
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """The numbers as JSON-ready values."""
-        return asdict(self)
+        return asdict(self) | {"note": self.note}
+
+
+def no_step(home: np.ndarray, constraint: str, margin: float) -> WorkspaceError:
+    """Error of a leg whose home position (3,) is not feasible: it has neither L nor Z_f nor Z_b.
+
+    Parameters
+    ----------
+    home : (3,) array
+        m.
+    constraint : str
+        What is broken there.
+    margin : float
+        Of it, in its own unit; infinite or NaN where it has none.
+    """
+    by = f", margin {margin:.4g}" if math.isfinite(margin) else ""
+    return WorkspaceError(
+        f"the home position {(np.round(home, 6) + 0.0).tolist()} m is not feasible ({constraint!r}{by}), so no step "
+        "starts there: choose another home configuration, or another height",
+        margin=margin,
+        constraint=constraint,
+    )
+
+
+def with_home(lower: np.ndarray, upper: np.ndarray, home: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of a box that holds the home position too: a feasible one may be at the end of the workspace."""
+    return np.minimum(lower, home), np.maximum(upper, home)
 
 
 def step_sizes(foot: FootEvaluator, home: np.ndarray, lower: np.ndarray, upper: np.ndarray, down: float) -> Step:
@@ -101,16 +142,10 @@ def step_sizes(foot: FootEvaluator, home: np.ndarray, lower: np.ndarray, upper: 
     WorkspaceError
         The home position is not feasible.
     """
-    plane = _Plane(foot, home, lower, upper, down)
     at_home = foot(home[None])
     if not at_home.feasible[0]:
-        name, margin = foot.evaluate.name_of(at_home.active[0]), float(at_home.margin[0])
-        raise WorkspaceError(
-            f"the home position {np.round(home, 6).tolist()} m is not feasible ({name!r}, margin {margin:.4g}), so no "
-            "step starts there: choose another home configuration, or another height",
-            margin=margin,
-            constraint=name,
-        )
+        raise no_step(home, foot.evaluate.name_of(at_home.active[0]), float(at_home.margin[0]))
+    plane = _Plane(foot, home, *with_home(lower, upper, home), down)
     (start, end), (start_limit, end_limit) = plane.chord_through_home()
     longest, height = plane.longest_chord()
     (front, front_at, front_limit), (back, back_at, back_limit) = plane.lift(1.0), plane.lift(-1.0)
@@ -220,7 +255,8 @@ class _Plane:
         x0 = float(self.home[0])
         low, high = sorted((x0, float(self.upper[0] if side > 0.0 else self.lower[0])))
         top, bottom = (self.lower[2], self.upper[2]) if self.down > 0.0 else (self.upper[2], self.lower[2])
-        z = np.linspace(top, bottom, self.fine[0] // 2)
+        # Home's own height too: a workspace may be thinner than the lines are apart.
+        z = np.sort(np.append(np.linspace(top, bottom, self.fine[0] // 2), self.home[2]))[:: int(self.down)]
         best, at, limit = -math.inf, (math.nan, math.nan), "none"
         for zoom in range(6 if self.foot.is_quick else 4):
             x = np.linspace(low, high, self.fine[1] if zoom == 0 else 25)

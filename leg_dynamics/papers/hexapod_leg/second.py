@@ -116,9 +116,9 @@ class Again(NamedTuple):
     rows: Array
     """Which, (D,)."""
     length: Array
-    """L, m."""
+    """L, m; 0 where the initial pose is not feasible."""
     back: Array
-    """Z behind, m; NaN where no pose is feasible there."""
+    """Z behind, m; NaN where the initial pose is not feasible."""
     mean: Array
     """k̄."""
     half_width: float
@@ -150,6 +150,8 @@ def designs_again(context: Context) -> Again:
             evaluator.row(int(k), dict(zip(drawn.names, map(float, drawn.values[k]), strict=True))).values for k in rows
         ]
         length, back, _, mean = np.array([[each[name] for name in objectives] for each in found]).T
+        # The analysis room gives no step where the initial pose is not feasible; the items count that as a step of 0.
+        length = np.nan_to_num(length, nan=0.0)
         return Again(rows, length, back, mean, plan.resolution.half_widths["kbar"])
 
     result: Again = context.once("hexapod: designs again", compute)
@@ -160,7 +162,7 @@ def steps_of_designs_agree(context: Context) -> Check:
     """L and Z_b of random designs against the analysis room."""
     drawn, again = study.monte_carlo(context), designs_again(context)
     length, back = drawn.steps.length[again.rows], drawn.steps.back[again.rows]
-    # Where the initial pose is not feasible the paper has no step at all; the analysis room still has a Z.
+    # Where the initial pose is not feasible there is no step at all, and no Z.
     standing = (length > 0.0) | (again.length > 0.0)
     worst = max(float(np.abs(length - again.length).max()), float(np.abs(back - again.back)[standing].max(initial=0.0)))
     return Check(
