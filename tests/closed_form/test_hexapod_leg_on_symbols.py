@@ -16,7 +16,7 @@ COUNT = 1000
 SCALARS = ("alpha", "beta", "h", "limit")
 NOT_A_FORMULA_OF_A_LEG = {
     *("from_urdf", "mean_condition_number", "hip_points", "body_motions"),
-    *("composite_parameters", "base_parameters"),
+    *("composite_parameters", "base_parameters", "in_branch"),
 }
 FORMULAS = sorted(
     name

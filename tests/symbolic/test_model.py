@@ -90,6 +90,7 @@ def test_flags_that_do_not_fit_the_mobility(lab):
         build_model(parse(free))
 
 
+@pytest.mark.filterwarnings("ignore:.*beyond its lower limit")
 def test_joint_limits_that_leave_no_room_teach_no_coincidences(lab):
     # All samples in one pose: everything would seem constant, and any inertia as good as another.
     text = lab.crank_rocker()
