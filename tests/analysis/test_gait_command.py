@@ -14,7 +14,8 @@ QUICK = ("--samples", "40")
 
 
 def run(*arguments):
-    result = CliRunner().invoke(cli.app, ["gait", *map(str, arguments)])
+    # Wide enough that no name in a table is broken.
+    result = CliRunner().invoke(cli.app, ["gait", *map(str, arguments)], env={"COLUMNS": "160"})
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result
