@@ -210,6 +210,7 @@ def test_a_leg_that_can_be_assembled_nowhere(four_bar, plant):
     assert caught.value.rows.tolist() == list(range(200))
 
 
+@pytest.mark.filterwarnings("ignore:.*beyond its lower limit")
 def test_a_mechanism_without_room_for_differences(four_bar):
     limit = 'lower="-2" upper="2"'
     narrow = four_bar.replace(limit, 'lower="1.80" upper="1.82"', 1)
