@@ -19,6 +19,8 @@ import leg_dynamics as ld
 from leg_dynamics.analysis.design import Range, Stage, Study, run
 from leg_dynamics.analysis.design.study import Plan
 from leg_dynamics.errors import LegDynamicsWarning, OutputError, StudyError
+from leg_dynamics.papers.framework import Context
+from leg_dynamics.papers.hexapod_leg import study as second_formulation
 
 from . import design_legs
 
@@ -201,7 +203,11 @@ def is_running(pid):
 
 @pytest.mark.slow
 def test_monte_carlo_of_the_audit(tmp_path):
-    """Section 3: medians L = 1.001 m and Z_b = 0.365 m, kbar 7.96, ktilde 1.91; 40 % pass L and Z."""
+    """Medians L = 1.001 m and Z_b = 0.365 m; 40 % pass L and Z.
+
+    The published medians of kbar and ktilde, 7.96 and 1.91, count designs whose initial pose is infeasible. Here those
+    have no result, so the other formulation's designs with a step are the oracle.
+    """
     ranges = (Range("a", 0.1, 0.35), Range("b", 0.02, 0.15), Range("l2_min", 0.1, 0.4), Range("l2_max", 0.45, 0.8))
     study = Study(
         ld.load("hexapod_leg_preliminary"),
@@ -215,8 +221,12 @@ def test_monte_carlo_of_the_audit(tmp_path):
     medians = stage.medians()
     assert medians["L"] == pytest.approx(1.001, rel=0.03)
     assert medians["Z_b"] == pytest.approx(0.365, rel=0.03)
-    assert medians["kbar"] == pytest.approx(7.96, rel=0.03)
-    assert medians["ktilde"] == pytest.approx(1.91, rel=0.04)
+    other = second_formulation.monte_carlo(Context("hexapod_leg", seed=5, samples=2000))
+    standing = other.steps.length > 0.0
+    assert medians["kbar"] == pytest.approx(np.median(other.mean[standing]), rel=0.03)
+    assert medians["ktilde"] == pytest.approx(np.median(other.deviation[standing]), rel=0.03)
+    assert np.median(other.mean) == pytest.approx(7.96, rel=0.03)
+    assert np.median(other.deviation) == pytest.approx(1.91, rel=0.04)
     assert sum(row.accepted for row in stage.rows) / 3000 == pytest.approx(0.40, abs=0.03)
     audit = {"a": (0.114, 0.178, 0.267), "l2_min": (0.127, 0.226, 0.334), "l2_max": (0.597, 0.698, 0.778)}
     for name, expected in audit.items():

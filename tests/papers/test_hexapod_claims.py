@@ -281,8 +281,16 @@ def test_words_for_curves():
 
 def test_first_zero_of_margins():
     along = np.linspace(0.0, 1.0, 101)
-    margin = np.stack([0.333 - along, 2.0 - along, -1.0 - along])
-    np.testing.assert_allclose(study._first_zero(margin, along), [0.333, 1.0, 0.0], atol=1e-12)
+    ends = np.array([[0.333], [2.0], [-1.0], [1.0], [0.0]])
+    np.testing.assert_allclose(study._first_zero(lambda x: ends - x, along), [0.333, 1.0, 0.0, 1.0, 0.0], atol=1e-12)
+
+
+def test_first_zero_beside_a_kink():
+    def margin(x):
+        return np.minimum(1.0 + 0.0 * x, 200.0 * (0.33371 - x))[None]
+
+    found = study._first_zero(margin, np.linspace(0.0, 1.0, 41))
+    np.testing.assert_allclose(found, 0.33371, atol=1e-12)
 
 
 def test_median_interval_covers():

@@ -57,11 +57,12 @@ SAMPLES = 1 << 12
 FEW = 1 << 9
 """Of each replicate, for each of many designs."""
 
-LENGTH_NOISE = 2e-4
-"""m; ends of L and Z are interpolated between poses some millimetres apart."""
+LENGTH_NOISE = 2e-5
+"""m; ends of L and Z are interpolated between poses a tenth of a millimetre apart."""
 
 STEP_POINTS = 361
 SWING_POINTS = 241
+DIVISIONS = 33
 
 DESIGNS = 6000
 """Of the Monte Carlo method here."""
@@ -299,16 +300,41 @@ class Steps(NamedTuple):
     back: Array
 
 
-def _first_zero(margin: Array, along: Array) -> Array:
-    """Where margins (..., M) first turn negative along (M,), interpolated; the end where they never do."""
-    negative = margin < 0.0
-    k = np.where(negative.any(axis=-1), negative.argmax(axis=-1), len(along))
-    inner = np.clip(k, 1, len(along) - 1)
-    before = np.take_along_axis(margin, inner[..., None] - 1, -1)[..., 0]
-    after = np.take_along_axis(margin, inner[..., None], -1)[..., 0]
+def _interpolated(margin: Array, along: Array) -> Array:
+    """Where margins (..., M) first turn negative along (..., M), interpolated; the end where they never do."""
+    along = np.broadcast_to(along, margin.shape)
+    k = _first_negative(margin)
+    inner = np.clip(k, 1, margin.shape[-1] - 1)
+
+    def taken(values: Array, index: Array) -> Array:
+        found: Array = np.take_along_axis(values, index[..., None], -1)[..., 0]
+        return found
+
+    before, after = taken(margin, inner - 1), taken(margin, inner)
     share = np.where(before > after, before / np.where(before > after, before - after, 1.0), 0.0)
-    found = along[inner - 1] + np.clip(share, 0.0, 1.0) * (along[inner] - along[inner - 1])
-    return np.where(k == 0, along[0], np.where(k == len(along), along[-1], found))
+    start = taken(along, inner - 1)
+    found = start + np.clip(share, 0.0, 1.0) * (taken(along, inner) - start)
+    return np.where(k == 0, along[..., 0], np.where(k == margin.shape[-1], along[..., -1], found))
+
+
+def _first_negative(margin: Array) -> Array:
+    """Index of the first negative margin (..., M); M where there is none."""
+    negative = margin < 0.0
+    return np.where(negative.any(axis=-1), negative.argmax(axis=-1), margin.shape[-1])
+
+
+def _first_zero(margin: Callable[[Array], Array], along: Array) -> Array:
+    """Where a margin, (M,) or (D, M) to (D, M), first turns negative along (M,); the end where it never does.
+
+    The interval of the first change is divided again, because the least of several margins has kinks there.
+    """
+    coarse = margin(along)
+    inner = np.clip(_first_negative(coarse), 1, len(along) - 1)
+    low, high = along[inner - 1], along[inner]
+    fine = low[..., None] + (high - low)[..., None] * np.linspace(0.0, 1.0, DIVISIONS)
+    found = _interpolated(margin(fine), fine)
+    # Rounding: the margin at the ends of the interval is that of the coarse points.
+    return np.where(coarse[..., 0] < 0.0, along[0], np.where((coarse >= 0.0).all(axis=-1), along[-1], found))
 
 
 def steps(context: Context, design: Design) -> Steps:
@@ -328,10 +354,17 @@ def steps(context: Context, design: Design) -> Steps:
     short = np.sqrt(np.maximum(columns.l1_min**2, columns.l3_min**2 - (columns.a - columns.c) ** 2))
     swing = np.linspace(0.0, 0.5 * math.pi - 1e-6, SWING_POINTS)
     for side in (1.0, -1.0):
-        at = poses_at(context, columns, (side * reach + 0.0 * h, 0.0 * reach + 0.0 * h, h + 0.0 * reach))
-        ends.append(_first_zero(np.minimum(at.swing_margin(), at.lengths[0]), reach))
-        at = poses_at(context, columns, (side * short * np.sin(swing), 0.0 * short * swing, short * np.cos(swing)))
-        lifts.append(h[:, 0] - short[:, 0] * np.cos(_first_zero(at.swing_margin(), swing)))
+
+        def stepping(x: Array, side: float = side) -> Array:
+            at = poses_at(context, columns, (side * x + 0.0 * h, 0.0 * x + 0.0 * h, h + 0.0 * x))
+            return np.minimum(at.swing_margin(), at.lengths[0])
+
+        def lifting(angle: Array, side: float = side) -> Array:
+            foot = (side * short * np.sin(angle), 0.0 * short * angle, short * np.cos(angle))
+            return poses_at(context, columns, foot).swing_margin()
+
+        ends.append(_first_zero(stepping, reach))
+        lifts.append(h[:, 0] - short[:, 0] * np.cos(_first_zero(lifting, swing)))
     home = poses_at(context, columns, (0.0 * h, 0.0 * h, h)).feasible()[:, 0]
     length, front, back = (np.where(home, each, 0.0) for each in (ends[0] + ends[1], *lifts))
     if np.ndim(design.a) == 0 and all(np.ndim(getattr(design, each.name)) == 0 for each in fields(design)):
