@@ -89,6 +89,8 @@ def _run(code: str, cache: str | None) -> tuple[Any, float]:
     """What the code prints, and the milliseconds from the start of the process to there."""
     # An inherited thread setting stays; the cache is the user's own where none is given.
     variables = dict(os.environ) if cache is None else os.environ | {"LEG_DYNAMICS_CACHE": cache}
+    # An installed package has its bytecode beside it; a switch of this machine must not make each process compile it.
+    variables.pop("PYTHONDONTWRITEBYTECODE", None)
     start = perf_counter()
     process = subprocess.Popen(
         [sys.executable, "-W", "ignore", "-c", "import json, sys\n" + code],

@@ -485,7 +485,8 @@ class Report:
             "mj_inverse as it is takes part of the motors' torque for constraint force.",
             "pinocchio's constraintDynamics and lcaba know no gear couplings: those are imposed by multipliers, at one "
             "more solution for each and one for the result.",
-            "Fresh processes have a cache folder of their own. `Caches cold` also reads and checks the file anew.",
+            "Fresh processes have a cache folder of their own, and Python's bytecode is written before. `Caches cold` "
+            "also reads and checks the file anew.",
         ]
 
     def surroundings(self) -> list[tuple[str, str]]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -376,6 +375,9 @@ def _joint(settings: Settings, joint: ModuleJoint, independent: bool) -> dict[st
 
 
 def _call(macro: str, **attributes: object) -> str:
+    # It imports urllib.request, and most readers of a file never write one.
+    from xml.sax.saxutils import quoteattr
+
     shown = " ".join(f"{name}={quoteattr(str(value))}" for name, value in attributes.items())
     return f"  <xacro:{macro} {shown}/>" if attributes else f"  <xacro:{macro}/>"
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import importlib
+import importlib.util
 import os
 import re
 import tempfile
@@ -19,7 +21,16 @@ from pathlib import Path
 
 from leg_dynamics.errors import LegDynamicsWarning
 
-__all__ = ["FOLDER_VARIABLE", "cache_folder", "clear", "key_of", "read", "source_fingerprint", "write"]
+__all__ = [
+    "FOLDER_VARIABLE",
+    "cache_folder",
+    "clear",
+    "key_of",
+    "package_version",
+    "read",
+    "source_fingerprint",
+    "write",
+]
 
 FOLDER_VARIABLE = "LEG_DYNAMICS_CACHE"
 """Environment variable that names another folder; an empty value switches the cache off."""
@@ -71,8 +82,6 @@ def source_fingerprint(package: str) -> str:
     package : str
         Importable name, for example ``"leg_dynamics.kernels"``.
     """
-    import importlib.util
-
     spec = importlib.util.find_spec(package)
     if spec is None:
         raise ModuleNotFoundError(package)
@@ -81,6 +90,21 @@ def source_fingerprint(package: str) -> str:
     if not folders and spec.origin is not None:
         files = [Path(spec.origin)]
     return key_of(*(part for path in files for part in (path.name, path.read_bytes())))
+
+
+@functools.cache
+def package_version(name: str) -> str:
+    """Version of an installed package, as a rule without importing it.
+
+    `importlib.metadata` would bring the e-mail package with it, which costs more than loading a kernel does.
+    """
+    spec = importlib.util.find_spec(name)
+    if spec is not None and spec.origin is not None:
+        folder = Path(spec.origin).parents[1]
+        # Remains of another version leave two.
+        if len(found := list(folder.glob(f"{name}-*.dist-info"))) == 1:
+            return found[0].name.removeprefix(f"{name}-").removesuffix(".dist-info")
+    return str(importlib.import_module(name).__version__)
 
 
 def _seal(key: str, payload: bytes) -> bytes:

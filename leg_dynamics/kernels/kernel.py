@@ -5,8 +5,6 @@ from __future__ import annotations
 import collections
 import ctypes
 import functools
-import importlib
-import importlib.metadata
 import json
 import math
 import operator
@@ -221,14 +219,7 @@ def llvm_is_available() -> bool:
 
 @functools.cache
 def _versions() -> str:
-    return " ".join(f"{name} {_version(name)}" for name in ("llvmlite", "casadi"))
-
-
-def _version(name: str) -> str:
-    try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:  # some packagers leave the metadata out
-        return str(importlib.import_module(name).__version__)
+    return " ".join(f"{name} {cache.package_version(name)}" for name in ("llvmlite", "casadi"))
 
 
 def compile_program(program: Program) -> Kernel:

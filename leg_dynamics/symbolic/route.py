@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import importlib.metadata
 import threading
 from collections.abc import Callable, Mapping
 from functools import cached_property
@@ -177,12 +176,12 @@ class SymbolicRoute:
     @cached_property
     def _ingredients(self) -> str:
         """Digest of everything that the graphs come from."""
-        from leg_dynamics.kernels.cache import key_of, source_fingerprint
+        from leg_dynamics.kernels.cache import key_of, package_version, source_fingerprint
 
         # A home pose that the seed finds depends on the room that searches for it.
         rooms = ("symbolic", "description") if self._seed is None else ("symbolic", "description", "mechanism")
         sources = (source_fingerprint(f"leg_dynamics.{room}") for room in rooms)
-        readers = (f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "scipy", "casadi"))
+        readers = (f"{name} {package_version(name)}" for name in ("numpy", "scipy", "casadi"))
         found = "" if self._seed is None else f"{self._seed.__module__} {self._seed.__qualname__}"
         return key_of(self._description.urdf, str(self._foot), str(self._hip), found, *sources, *readers)
 

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import importlib.metadata
 import os
 import stat
+import sys
 import textwrap
 import warnings
 
@@ -219,3 +221,20 @@ def test_the_fingerprint_of_a_package_follows_every_file(lab, tmp_path):
     assert fingerprint("single") != alone
     with pytest.raises(ModuleNotFoundError):
         cache.source_fingerprint("leg_dynamics_of_nobody")
+
+
+@pytest.mark.parametrize("name", ["casadi", "llvmlite", "numpy", "scipy"])
+def test_versions_of_packages(name):
+    assert cache.package_version.__wrapped__(name) == importlib.metadata.version(name)
+
+
+@pytest.mark.parametrize("folders", [[], ["first-1.0.dist-info"], ["made-1.0.dist-info", "made-2.0.dist-info"]])
+def test_version_of_a_package_without_metadata(monkeypatch, tmp_path, folders):
+    package = tmp_path / "made"
+    package.mkdir()
+    (package / "__init__.py").write_text("__version__ = '2.0+own'\n")
+    for folder in folders:
+        (tmp_path / folder).mkdir()
+    monkeypatch.syspath_prepend(tmp_path)
+    assert cache.package_version.__wrapped__("made") == "2.0+own"
+    monkeypatch.delitem(sys.modules, "made")

@@ -408,12 +408,3 @@ def test_a_kernel_from_the_cache_needs_no_casadi(lab, folder):
     """
     result = lab.python(textwrap.dedent(code), **{FOLDER_VARIABLE: str(folder)})
     assert result.returncode == 0, result.stderr
-
-
-def test_missing_metadata_of_a_distribution_is_no_error(monkeypatch):
-    def missing(name):
-        raise kernel_module.importlib.metadata.PackageNotFoundError(name)
-
-    expected = kernel_module._version("casadi")
-    monkeypatch.setattr(kernel_module.importlib.metadata, "version", missing)
-    assert kernel_module._version("casadi") == casadi.__version__ == expected
