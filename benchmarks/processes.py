@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import os
@@ -166,6 +167,9 @@ def _of_route(leg: str, route: str, settings: Settings, folder: str) -> list[Fig
     texts = {"leg": leg, "route": route, "rows": settings.thread_rows}
     first, compiled, memory = (text.format(**texts) for text in (_FIRST, _COMPILE, _MEMORY))
     fresh = (os.path.join(folder, f"{route}-{number}") for number in itertools.count())
+    # Bytecode is written once at installation, or by whoever is first.
+    with contextlib.suppress(ProcessError):
+        _run(first, next(fresh))
     warm = next(fresh)
     # The first process to use a folder fills it for those that follow.
     return [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import ctypes.util
+import functools
 import itertools
 import math
 import re
@@ -13,7 +14,8 @@ import casadi
 import numpy as np
 import pytest
 
-from leg_dynamics.kernels.assembly import assembly
+from leg_dynamics.kernels import assembly as assembly_module
+from leg_dynamics.kernels.assembly import _MOST_INTERLEAVED, assembly, block_rows
 from leg_dynamics.kernels.machine_code import compile_object, load_object
 from leg_dynamics.kernels.target import host_target, target_for
 
@@ -224,3 +226,29 @@ def test_assembly_is_the_same_whenever_it_is_written(lab, name):
     assert ("llvm.fma" in first) == (name != "sse2")
     # no flag lets LLVM change a result
     assert not re.search(r"\bf(add|sub|mul|div|cmp|neg)\s+(fast|nnan|ninf|nsz|arcp|contract|afn|reassoc)\b", first)
+
+
+@pytest.mark.parametrize(("level", "short", "long"), [("avx512", 8, 8), ("avx2", 8, 4), ("sse2", 2, 2), ("neon", 2, 2)])
+def test_short_formulas_take_two_vectors_side_by_side(lab, level, short, long):
+    def chain(length):
+        return lab.program([()], lambda x: functools.reduce(lambda y, _: y * x + 1.0, range(length), x))
+
+    target = target_for(level, "x86_64-unknown-linux-gnu")
+    over = 1
+    while chain(over).formula.n_instructions() <= _MOST_INTERLEAVED:
+        over += 1
+    assert block_rows(chain(over - 1), target) == short
+    assert block_rows(chain(over), target) == long
+
+
+def test_both_numbers_of_vectors_give_the_same_to_the_bit(lab, level, monkeypatch):
+    rows = np.random.default_rng(0).uniform(-3.0, 3.0, (101, 3))
+
+    def formula(x):
+        return [casadi.sin(x) * casadi.sqrt(x[0] + 2.0), casadi.atan2(x[1], x[2]) / x[0]]
+
+    wide = lab.compiled([(3,)], formula, [(3,), ()])(rows)
+    monkeypatch.setattr(assembly_module, "_MOST_INTERLEAVED", 0)
+    narrow = lab.compiled([(3,)], formula, [(3,), ()])(rows)
+    for one, other in zip(wide, narrow, strict=True):
+        np.testing.assert_array_equal(one, other)
