@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from leg_dynamics.kernels.instructions import instructions
+from leg_dynamics.kernels.machine_code import ENTRY
 from leg_dynamics.kernels.row_call import has_row_call, row_assembly
 from leg_dynamics.kernels.vector_code import VectorCode
 
@@ -20,10 +21,7 @@ if TYPE_CHECKING:
     from leg_dynamics.kernels.program import Argument, Program, Solver
     from leg_dynamics.kernels.target import Target
 
-__all__ = ["ENTRY", "assembly", "block_rows"]
-
-ENTRY = "kernel"
-"""Name of the function that a kernel's object code exports."""
+__all__ = ["assembly", "block_rows"]
 
 # Two vectors side by side hide the latency of divisions, roots and series behind each other: a row then takes 5 to 20 %
 # less where vectors have 256 bits, and a single one 10 % more. Longer formulas, and solvers, gain less than they lose

@@ -41,7 +41,7 @@ _DIGEST = hashlib.sha256().digest_size
 _LARGEST_FOLDER = 256 * 2**20
 _TEMPORARY = ".leg_dynamics-"
 # Whatever else lies in the folder is somebody else's.
-_OURS = re.compile(rf"[0-9a-f]{{{2 * _DIGEST}}}|{re.escape(_TEMPORARY)}.*")
+_OURS = rf"[0-9a-f]{{{2 * _DIGEST}}}|{re.escape(_TEMPORARY)}.*"
 _REFUSED: set[Path] = set()
 
 
@@ -182,7 +182,7 @@ def _entries(folder: Path) -> list[tuple[float, int, Path]]:
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             with contextlib.suppress(OSError):
-                if _OURS.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
+                if re.fullmatch(_OURS, entry.name) and entry.is_file(follow_symlinks=False):
                     status = entry.stat()
                     found.append((status.st_mtime, status.st_size, Path(entry.path)))
     return sorted(found)

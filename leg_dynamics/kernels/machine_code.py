@@ -6,10 +6,12 @@ import functools
 import threading
 from typing import Any
 
-from leg_dynamics.kernels.assembly import ENTRY
 from leg_dynamics.kernels.target import Target
 
-__all__ = ["LoadedCode", "compile_object", "load_object"]
+__all__ = ["ENTRY", "LoadedCode", "compile_object", "load_object"]
+
+ENTRY = "kernel"
+"""Name of the function that a kernel's object code exports."""
 
 # LLVM's own global state is not protected.
 _LOCK = threading.Lock()

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from leg_dynamics.kernels import Solver
-from leg_dynamics.kernels.assembly import ENTRY, assembly
-from leg_dynamics.kernels.machine_code import compile_object, load_object
+from leg_dynamics.kernels.assembly import assembly
+from leg_dynamics.kernels.machine_code import ENTRY, compile_object, load_object
 from leg_dynamics.kernels.target import host_target, target_for
 
 ELF = b"\x7fELF"
