@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     import casadi
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["Argument", "Program", "Solver", "differentiated", "signature_of", "with_held"]
 
 
-@dataclass(frozen=True)
-class Argument:
+class Argument(NamedTuple):
     """An input or output of one row: its name and its core shape, () for a number."""
 
     name: str

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import platform
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from leg_dynamics.errors import UnsupportedError
 
@@ -15,8 +15,7 @@ LEVEL_VARIABLE = "LEG_DYNAMICS_SIMD"
 """Environment variable that forces a lower level of vector instructions, one of `LEVELS`."""
 
 
-@dataclass(frozen=True)
-class Target:
+class Target(NamedTuple):
     """What code is generated for.
 
     Attributes
