@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi
 import numpy as np
@@ -38,13 +39,29 @@ class ClosureArrays:
         entries = [row.get(k, 0.0) for row in derivatives for k in range(self.unit.size)]
         return casadi.Function("rows", [u], casadi.cse([casadi.densify(casadi.vertcat(*residuals, *entries))]))
 
+    @cached_property
+    def _graphs(self) -> dict[int, casadi.Function]:
+        return {}
+
+    def _graph_of(self, count: int) -> casadi.Function:
+        """The graph for many states at once."""
+        if count not in self._graphs:
+            self._graphs[count] = self._graph.map(count)
+        return self._graphs[count]
+
     def rows(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (S, r) and dimensionless derivatives (S, r, nu) of the basic rows."""
         count, size = u.shape
         rows = len(self.closure.basic)
         if rows == 0 or count == 0:
             return np.zeros((count, rows)), np.zeros((count, rows, size))
-        found = np.array(self._graph(casadi.DM(np.ascontiguousarray(u.T)))).T
+        # Through buffers: a matrix of CasADi comes back number by number, which takes most of the time.
+        states, found = np.ascontiguousarray(u), np.empty((count, rows * (1 + size)))
+        buffer: Any
+        buffer, evaluate = self._graph_of(count).buffer()
+        buffer.set_arg(0, states.data)
+        buffer.set_res(0, found.data)
+        evaluate()
         return found[:, :rows].copy(), found[:, rows:].reshape(count, rows, size) * self.unit
 
     def solve(self, K: np.ndarray, right: np.ndarray) -> np.ndarray:
