@@ -6,6 +6,7 @@ import difflib
 import functools
 import operator
 import os
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from leg_dynamics.errors import (
     FormulaAssumptionError,
     LegDynamicsError,
+    LegDynamicsWarning,
     LegNotFoundError,
     MissingFootError,
     ParameterError,
@@ -322,11 +324,36 @@ def load(
     overrides = dict(parameters or {})
     description = read(origin, parameters=overrides)
     formulas = named if named is not None and has_closed_form(named) else None
+    if named is None:
+        description = _with_flags(description)
     if route is None:
         route = "closed_form" if formulas is not None else "pinocchio"
     threads = None if threads is None else _thread_count(threads)
     given = tuple(overrides.items())
     return Recipe(description, route, formulas, _foot(description, foot), origin, given, transmission, threads).build()
+
+
+def _with_flags(description: Description) -> Description:
+    """The mechanism with independent joints that fit its mobility, where its file says nothing of them."""
+    from leg_dynamics.description.flags import states_flags, with_independent
+
+    if states_flags(description) or not (description.loops or description.couplings):
+        return description
+    from leg_dynamics.mechanism.independence import independent_set
+
+    names = independent_set(description)
+    if names is None:
+        return description
+    driven = {transmission.joint for transmission in description.transmissions}
+    idle = [name for name in names if name not in driven]
+    passive = f", of which {', '.join(idle)} passive" if driven and idle else ""
+    warnings.warn(
+        f"{description.file}: no joint states an independent flag, and the loops leave {len(names)} motions: taking "
+        f"{', '.join(names)} as independent{passive}; state the flags to choose others",
+        LegDynamicsWarning,
+        stacklevel=3,
+    )
+    return with_independent(description, names)
 
 
 def _unknown_parameter(recipe: Recipe, name: object, numbers: Iterable[str]) -> ParameterError:

@@ -7,7 +7,6 @@ joints are frozen. Its file is plain data: reading one runs no code from it.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -15,8 +14,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from leg_dynamics.description.parameters import read_text
-from leg_dynamics.description.xml_reader import Document, nearest
+from leg_dynamics.description.xml_reader import nearest
+from leg_dynamics.description.yaml_reader import Entry, compose
 from leg_dynamics.errors import DescriptionError
 
 __all__ = [
@@ -241,7 +240,7 @@ def read_assembly(path: Path) -> Assembly:
         root: {face: low.L, base: fixed}
         home: {low_upper: 20}
     """
-    top = _Entry(_compose(path), str(path), "the file")
+    top = _Entry(compose(path, "an assembly: modules and a root"), str(path), "the file")
     sections = top.mapping(
         (
             "modules",
@@ -288,65 +287,8 @@ def read_assembly(path: Path) -> Assembly:
     return assembly
 
 
-class _Entry:
-    """A node of the file that knows its line and what it is called."""
-
-    def __init__(self, node: Any, file: str, label: str) -> None:
-        self.node = node
-        self.file = file
-        self.label = label
-
-    @property
-    def line(self) -> int:
-        return int(self.node.start_mark.line) + 1
-
-    def error(self, message: str, **evidence: Any) -> DescriptionError:
-        return DescriptionError(message, file=self.file, line=self.line, **evidence)
-
-    def mapping(self, allowed: Iterable[str] | None = None, required: Iterable[str] = ()) -> dict[str, _Entry]:
-        """The entries of a mapping by key; of these keys only, where they are given."""
-        if self.node.id != "mapping":
-            raise self.error(f"{self.label} must be a mapping, such as {{key: value}}, got {self.shown()}")
-        found: dict[str, _Entry] = {}
-        for key_node, value in self.node.value:
-            key = _Entry(key_node, self.file, f"a key of {self.label}")
-            name = key.text()
-            if allowed is not None and name not in allowed:
-                known = tuple(allowed)
-                raise key.error(
-                    f"{self.label} has an unknown key {name!r}{nearest(name, known)} (it may have {', '.join(known)})",
-                    name=name,
-                )
-            if name in found:
-                raise key.error(
-                    f"{self.label} names {name!r} twice: the first is on line {found[name].line}", name=name
-                )
-            found[name] = _Entry(value, self.file, f"{name} of {self.label}" if self.label != "the file" else name)
-        for name in required:
-            if name not in found:
-                raise self.error(f"{self.label} has no {name!r}, which it needs", name=name)
-        return found
-
-    def sequence(self, count: int | None = None) -> list[_Entry]:
-        if self.node.id != "sequence" or (count is not None and len(self.node.value) != count):
-            many = "" if count is None else f" of {count}"
-            raise self.error(f"{self.label} must be a list{many}, such as [a, b], got {self.shown()}")
-        return [_Entry(node, self.file, f"entry {i} of {self.label}") for i, node in enumerate(self.node.value, 1)]
-
-    def value(self) -> Any:
-        import yaml
-
-        if self.node.id != "scalar":
-            raise self.error(f"{self.label} must be one value, got {self.shown()}")
-        try:
-            return yaml.constructor.SafeConstructor().construct_object(self.node)
-        except (ValueError, yaml.YAMLError) as error:
-            raise self.error(f"{self.label} is not readable: {self.shown()}") from error
-
-    def text(self) -> str:
-        if self.node.id != "scalar" or not self.node.value.strip():
-            raise self.error(f"{self.label} must be text, got {self.shown()}")
-        return str(self.node.value)
+class _Entry(Entry):
+    """A node of an assembly."""
 
     def identifier(self, what: str) -> str:
         """A text that can be part of the names of links and joints."""
@@ -354,33 +296,6 @@ class _Entry:
         if not _NAME.fullmatch(name):
             raise self.error(f"{name!r} cannot name {what}: letters, digits and _ only, a letter first", name=name)
         return name
-
-    def number(self) -> float:
-        value = self.value()
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            hint = "; YAML reads 1e-3 as text, write 1.0e-3" if "e" in str(value).lower() else ""
-            raise self.error(f"{self.label} must be a number, got {self.shown()}{hint}")
-        try:
-            number = float(value)
-        except OverflowError:
-            number = math.inf
-        if not math.isfinite(number):
-            raise self.error(f"{self.label} must be a finite number, got {self.shown()}")
-        return number
-
-    def flag(self) -> bool:
-        value = self.value()
-        if not isinstance(value, bool):
-            raise self.error(f"{self.label} must be true or false, got {self.shown()}")
-        return value
-
-    def choice(self, known: tuple[str, ...], **evidence: Any) -> str:
-        text = self.text()
-        if text not in known:
-            raise self.error(
-                f"{self.label} must be one of {', '.join(known)}, got {text!r}{nearest(text, known)}", **evidence
-            )
-        return text
 
     def roll(self, **evidence: Any) -> int:
         roll = self.number()
@@ -404,26 +319,6 @@ class _Entry:
                 face=letter,
             )
         return Face(module, letter)
-
-    def shown(self) -> str:
-        return repr(str(self.node.value)[:60]) if self.node.id == "scalar" else f"a {self.node.id}"
-
-
-def _compose(path: Path) -> Any:
-    import yaml
-
-    document = Document(str(path))
-    try:
-        node = yaml.compose(read_text(path, document), Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    except RecursionError:
-        raise document.error("values are nested too deep: an assembly needs four levels") from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = None if mark is None else mark.line + 1
-        raise document.error(f"malformed YAML: {getattr(error, 'problem', None) or error}", line) from None
-    if node is None:
-        raise document.error("the file is empty: an assembly has modules and a root")
-    return node
 
 
 def _modules(entry: _Entry) -> dict[str, Module]:

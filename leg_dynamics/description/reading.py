@@ -13,6 +13,7 @@ from leg_dynamics.description.parameters import parameters_of, shown_overrides
 from leg_dynamics.description.parse import build
 from leg_dynamics.description.render import read_text, render, rendered_name
 from leg_dynamics.description.shipped import existing_file, shipped_urdf, shipped_xacro
+from leg_dynamics.description.toolbox import is_toolbox, sidecar_of, toolbox_text
 from leg_dynamics.description.xml_reader import Document
 from leg_dynamics.errors import LegNotFoundError, ParameterError
 
@@ -26,8 +27,9 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
     ----------
     source : str or path-like
         A shipped name, the path of a ``.urdf``, ``.xacro`` or ``.yaml`` file, or XML text (it starts with ``<``). Plain
-        URDF is data, and so is a ``.yaml`` file, an assembly of modules; a ``.xacro`` file runs the Python expressions
-        in it, see `render`.
+        URDF is data, and so is a ``.yaml`` file: an assembly of modules, or the loops and motors of the URDF file of
+        the same name beside it, see `leg_dynamics.description.toolbox`; that URDF file's own path will do as well. A
+        ``.xacro`` file runs the Python expressions in it, see `render`.
     parameters : mapping of str to float, optional
         New values of named parameters; only for a shipped name, a ``.xacro`` or a ``.yaml`` file, which is rendered
         with them.
@@ -55,6 +57,16 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
         if not parameters:
             return _read_shipped(name)
         path = shipped_xacro(name)
+    if (pair := _toolbox_pair(path)) is not None:
+        _refuse_parameters(parameters, f"the plain file {path}")
+        urdf, sidecar = pair
+        document = Document(str(urdf))
+        tree = build(read_text(urdf, document), document)
+        if not (tree.loops or tree.couplings or tree.transmissions):
+            return build(toolbox_text(sidecar, tree), Document(f"{urdf} with {sidecar.name}", quiet=True))
+        if path == sidecar:
+            raise document.error(f"the file has loops or transmissions of its own: load it without {sidecar.name}")
+        return tree
     if path.name.endswith(".xacro") or is_assembly(path):
         text = render(path, parameters)
         document = Document(rendered_name(path), source=str(path), overrides=shown_overrides(parameters))
@@ -62,6 +74,19 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
     _refuse_parameters(parameters, f"the plain file {path}")
     document = Document(str(path))
     return build(read_text(path, document), document)
+
+
+def _toolbox_pair(path: Path) -> tuple[Path, Path] | None:
+    """A URDF file and the YAML file beside it, by the path of either."""
+    if path.name.endswith(".urdf"):
+        sidecar = sidecar_of(path)
+        return None if sidecar is None else (path, sidecar)
+    if not is_toolbox(path):
+        return None
+    urdf = path.with_suffix(".urdf")
+    if not urdf.is_file():
+        raise LegNotFoundError(f"{path} names the loops and motors of {urdf.name}, and there is no such file beside it")
+    return urdf, path
 
 
 def _read_shipped(name: str) -> Description:

@@ -33,6 +33,8 @@ class Document:
     kind: type[DescriptionError] = DescriptionError
     overrides: str = ""
     """The parameter values that a caller gave, as `shown_overrides` says them."""
+    quiet: bool = False
+    """Whether all warnings were given before, of the text that this one was made from."""
 
     def _suffix(self) -> str:
         return f" (rendered from {self.source}{self.overrides})" if self.source else ""
@@ -45,6 +47,8 @@ class Document:
 
     def warn(self, message: str, line: int | None = None) -> None:
         """Warn, naming file and line."""
+        if self.quiet:
+            return
         place = self.file if line is None else f"{self.file}:{line}"
         warnings.warn(f"{place}: {message}{self._suffix()}", LegDynamicsWarning, stacklevel=2)
 

@@ -33,6 +33,7 @@ REGULAR_SHARE = 0.3
 SAME_POSE = 1e-6
 DISTINCT_POSE = 1e-3
 MULTI_START_ATTEMPTS = 60
+DIRECTED_ATTEMPTS = 40
 MULTI_START_POSES = 12
 # A descent that has not arrived after so many evaluations creeps along a valley that does not reach zero.
 MULTI_START_EVALUATIONS = 100
@@ -155,6 +156,7 @@ def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) ->
     unit = mechanism.closure.coordinate_unit
     lower, upper = mechanism.search_box()
     found: list[ClosedState] = []
+    mirrored = False
     for attempt in range(MULTI_START_ATTEMPTS):
         if attempt < 10:
             guess = start + 0.1 * attempt * unit * generator.standard_normal(mechanism.nv)
@@ -174,12 +176,16 @@ def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) ->
             continue
         state = _close_seed(mechanism, _wrapped(mechanism, solution.x))
         if state is None or not state.smallest_pivot > WELL_REGULAR:
+            mirrored |= state is None and mechanism.is_mirrored(solution.x)
             continue
         if all(pose_difference(mechanism, state, other) > DISTINCT_POSE for other in found):
             found.append(state)
         if len(found) >= MULTI_START_POSES:
             break
 
+    # A start that is closed but singular is no matter of mirrored pairs.
+    if not found and mirrored and mechanism.correct(start, SEED_CORRECTION) is None:
+        return _directed_poses(mechanism, start, seed)
     usual = float(np.median([state.smallest_pivot for state in found])) if found else 0.0
     found = [state for state in found if state.smallest_pivot >= REGULAR_SHARE * usual]
 
@@ -187,6 +193,37 @@ def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) ->
         return (round(float(np.linalg.norm((state.q - start) / unit)), 9), *state.q.tolist())
 
     return sorted(found, key=nearness)
+
+
+def _directed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) -> list[ClosedState]:
+    """As `find_closed_poses` with directions compared as well, for loops that would close onto the mirrored pair.
+
+    Slower, and less regular poses count too.
+    """
+    generator = np.random.default_rng(seed)
+    unit = mechanism.closure.coordinate_unit
+    lower, upper = mechanism.search_box()
+    found: list[ClosedState] = []
+    for attempt in range(DIRECTED_ATTEMPTS):
+        if attempt < DIRECTED_ATTEMPTS // 2:
+            guess = start + 0.05 * attempt * unit * generator.standard_normal(mechanism.nv)
+        else:
+            guess = generator.uniform(lower, upper)
+        solution = least_squares(
+            mechanism.directed_residual, guess, x_scale=unit, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=60
+        )
+        if np.abs(solution.fun).max(initial=0.0) > 1e-6:
+            continue
+        state = _close_seed(mechanism, _wrapped(mechanism, solution.x))
+        if state is None:
+            continue
+        if all(pose_difference(mechanism, state, other) > DISTINCT_POSE for other in found):
+            found.append(state)
+        if len(found) >= MULTI_START_POSES // 2:
+            break
+    usual = float(np.median([state.smallest_pivot for state in found])) if found else 0.0
+    kept = [state for state in found if state.smallest_pivot >= REGULAR_SHARE * usual]
+    return sorted(kept, key=lambda state: float(np.linalg.norm((state.q - start) / unit)))
 
 
 def _wrapped(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:

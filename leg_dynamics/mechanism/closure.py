@@ -292,6 +292,10 @@ class Closure:
         first, second = frames.take(self.same_way[:, 0], 0), frames.take(self.same_way[:, 1], 0)
         return bool((dot_rows(first, second) > SAME_WAY_COSINE).all())
 
+    def directions(self, frames: np.ndarray) -> np.ndarray:
+        """Differences of unit vectors that closed loops bring together, (k, 3)."""
+        return frames.take(self.same_way[:, 0], 0) - frames.take(self.same_way[:, 1], 0)
+
     def drift(
         self,
         rows: ClosureRows,

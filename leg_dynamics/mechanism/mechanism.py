@@ -321,6 +321,16 @@ class Mechanism:
             change = change / self._unit
         return float(abs(change).max())
 
+    def is_mirrored(self, q: np.ndarray) -> bool:
+        """Whether a pair points the wrong way at tree coordinates q (nv,), where the rows vanish as well."""
+        self.evaluate(q)
+        return not self.closure.points_the_same_way(self._workspace.memory.rows())
+
+    def directed_residual(self, q: np.ndarray) -> np.ndarray:
+        """Residual at tree coordinates q (nv,) that is not zero either where a pair is closed onto its mirror image."""
+        residual = self.evaluate(q).residual
+        return np.concatenate([residual, self.closure.directions(self._workspace.memory.rows()).ravel()])
+
     def correct(self, q: np.ndarray, allowed: float) -> ClosedState | None:
         """Newton on the dependent coordinates with y fixed; None where it would leave the neighbourhood `allowed`.
 

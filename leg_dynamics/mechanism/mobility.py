@@ -263,10 +263,14 @@ def mobility_report(mechanism: Mechanism, samples: int = 20, seed: int = 0) -> M
     lower, upper = (bound[mechanism.independent] for bound in mechanism.search_box())
     random_poses: list[PoseRank] = []
     failure: LegDynamicsError | None = None
-    try:
-        attempts = samples if mechanism.seeds else 0
-    except (AssemblyError, DescriptionError) as error:
-        failure, attempts = error, 0
+    home = mechanism.description.home
+    start = configuration_coordinates(mechanism, dict(home.values) if home is not None else {})
+    attempts = 0
+    if samples > 0:
+        try:
+            start, attempts = mechanism.seeds[0].q, samples
+        except (AssemblyError, DescriptionError) as error:
+            failure = error
     for _ in range(attempts):
         try:
             state = mechanism.close(generator.uniform(lower, upper))
@@ -275,8 +279,6 @@ def mobility_report(mechanism: Mechanism, samples: int = 20, seed: int = 0) -> M
             continue
         random_poses.append(pose_rank(mechanism, state.q, f"random {len(random_poses) + 1}"))
     if not random_poses and samples > 0:
-        home = mechanism.description.home
-        start = configuration_coordinates(mechanism, dict(home.values) if home is not None else {})
         random_poses = _neighbours(mechanism, start, seed)[:samples]
     generic = random_poses or poses
     if not generic:

@@ -1,0 +1,124 @@
+"""Which joints can be independent, where a file does not say it: driven ones first, then what its loops leave free."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg
+
+from leg_dynamics.mechanism.mechanism import Mechanism
+from leg_dynamics.mechanism.mobility import pose_rank, project
+
+if TYPE_CHECKING:
+    from leg_dynamics.description.model import Description
+
+__all__ = ["independent_set"]
+
+POSES = 8
+ATTEMPTS = 40
+# Standard deviation of the poses around home, rad or shares of the mechanism's length.
+SPREAD = 0.2
+# A chosen set's dependent columns must be that far from singular at its best pose, relative to the largest value.
+REGULAR = 1e-6
+
+
+def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] | None:
+    """Joints that determine all the others at generic closed poses.
+
+    Driven joints and the root's are taken as independent as far as the loops let them be; passive ones fill up what is
+    left of the mobility, those whose motion determines the others best.
+
+    Parameters
+    ----------
+    description : Description
+        Its own `independent` flags do not matter.
+    seed : int
+        Of the random poses.
+
+    Returns
+    -------
+    tuple of str or None
+        Joint names in the tree's order; None where no closed pose is found, or its own flags fit already.
+    """
+    mechanism = Mechanism(description)
+    poses = _closed_poses(mechanism, np.random.default_rng(seed))
+    if not poses:
+        return None
+    unit = mechanism.closure.coordinate_unit
+    rows = [mechanism.evaluate(q).jacobian * unit for q in poses]
+    rank = max(pose_rank(mechanism, q, "pose").rank for q in poses)
+    if _usual(rows, mechanism.dependent, rank) > REGULAR and len(mechanism.dependent) == rank:
+        return None
+    driven = {transmission.joint for transmission in description.transmissions}
+    driven.update(joint.name for joint in description.joints if joint.type == "floating")
+    names = mechanism.tree.joint_names
+    mimicking = [k for k, name in enumerate(names) if _mimics(description, name)]
+    active = [k for k, name in enumerate(names) if name in driven and k not in mimicking]
+    passive = [k for k in range(len(names)) if k not in active and k not in mimicking]
+    best: list[int] = []
+    best_value = REGULAR
+    for K in rows:
+        chosen = _basis(K, [mimicking, passive, active], rank)
+        value = _usual(rows, np.array(chosen, dtype=np.intp), rank) if len(chosen) == rank else 0.0
+        if value > best_value:
+            best, best_value = chosen, value
+    if not best:
+        return None
+    return tuple(name for k, name in enumerate(names) if k not in best)
+
+
+def _mimics(description: Description, name: str) -> bool:
+    joints = {joint.name: joint for joint in description.joints}
+    return name in joints and joints[name].mimic is not None
+
+
+def _closed_poses(mechanism: Mechanism, generator: np.random.Generator) -> list[np.ndarray]:
+    home = mechanism.description.home
+    values = {} if home is None else home.values
+    start = np.array([values.get(name, 0.0) for name in mechanism.tree.joint_names])
+    unit = mechanism.closure.coordinate_unit
+    lower, upper = mechanism.search_box()
+    found: list[np.ndarray] = []
+    for attempt in range(ATTEMPTS):
+        if attempt < ATTEMPTS // 2:
+            guess = start + SPREAD * unit * generator.standard_normal(mechanism.nv)
+        else:
+            guess = generator.uniform(lower, upper)
+        closed = project(mechanism, guess)
+        if closed is not None:
+            found.append(closed)
+        if len(found) == POSES:
+            break
+    return found
+
+
+def _basis(K: np.ndarray, groups: list[list[int]], rank: int) -> list[int]:
+    """Columns that span all, taken from the first groups as far as those are independent of each other."""
+    chosen: list[int] = []
+    rest = K.copy()
+    scale = max(1.0, float(np.linalg.norm(K, 2)))
+    for group in groups:
+        if not group or len(chosen) == rank:
+            continue
+        _, triangle, order = scipy.linalg.qr(rest[:, group], mode="economic", pivoting=True)
+        pivots = np.abs(np.diagonal(triangle))
+        count = min(int(np.count_nonzero(pivots > REGULAR * scale)), rank - len(chosen))
+        taken = [group[k] for k in order[:count]]
+        chosen += taken
+        basis, _ = np.linalg.qr(rest[:, taken])
+        rest = rest - basis @ (basis.T @ rest)
+    return chosen
+
+
+def _usual(rows: list[np.ndarray], dependent: np.ndarray, rank: int) -> float:
+    """Median over the poses of the dependent columns' smallest singular value, relative to the largest."""
+    if len(dependent) != rank:
+        return 0.0
+    if rank == 0:
+        return np.inf
+    values = []
+    for K in rows:
+        sigma = np.linalg.svd(K[:, dependent], compute_uv=False)
+        values.append(float(sigma[rank - 1] / max(1.0, sigma[0])))
+    return float(np.median(values))
