@@ -60,7 +60,7 @@ def parser(program: str) -> argparse.ArgumentParser:
         epilog=EXIT_CODES,
     )
     made.add_argument("--leg", default="omnileg", choices=available_legs(), help="leg to measure (%(default)s)")
-    made.add_argument("--quick", action="store_true", help="fewer rounds, smaller batches: under a minute")
+    made.add_argument("--quick", action="store_true", help="fewer rounds, smaller batches: one to two minutes")
     made.add_argument(
         "--json",
         nargs="?",

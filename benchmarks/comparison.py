@@ -5,6 +5,7 @@ Peers and the limit are not this project's code: how far they moved between the 
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -90,12 +91,16 @@ def _drift(changes: tuple[Change, ...]) -> float:
 
 
 def _spread(samples: Any) -> Spread:
+    if not all(isinstance(sample, int | float) and 0.0 < sample <= sys.float_info.max for sample in samples):
+        raise ValueError("a ratio is a finite positive number")
     outer = (25, 50, 75) if len(samples) >= FEW else (0, 50, 100)
     low, median, high = np.percentile(samples, outer)
     return float(low), float(median), float(high)
 
 
 def _ratios(report: Mapping[str, Any]) -> dict[str, tuple[dict[str, Any], Spread]]:
+    if not isinstance(report["results"], (list, tuple)):
+        raise TypeError(f"results is a list, got {type(report['results']).__name__}")
     return {
         result["key"]: (result, _spread(result["ratios"]))
         for result in report["results"]
@@ -125,7 +130,7 @@ def compare(after: Mapping[str, Any], before: Any, schema: str) -> tuple[Change,
         raise ComparisonError(f"a report of {before.get('leg')!r}, not of {after['leg']!r}")
     try:
         old, new = _ratios(before), _ratios(after)
-    except (KeyError, TypeError, ValueError) as problem:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as problem:
         raise ComparisonError(f"a damaged report: {type(problem).__name__} {problem}") from problem
     changes = tuple(
         Change(

@@ -20,6 +20,7 @@ from leg_dynamics.errors import (
     NonFiniteError,
     ParameterError,
     RouteError,
+    RowError,
     RowFailures,
     ShapeError,
     SingularityError,
@@ -674,7 +675,16 @@ class Leg:
                 self._check_passive_limits(rows, np.atleast_2d(p), chosen, failures)
             return q
 
-        return call.run(solve, (self._n,), "p")
+        try:
+            return call.run(solve, (self._n,), "p")
+        except RowError as error:
+            raise self._with_place(error) from None
+
+    def _with_place(self, error: RowError) -> RowError:
+        """The error, which in a leg assembled from modules names the module of the joint, or that of the foot."""
+        from leg_dynamics.description.places import with_place
+
+        return with_place(self._description, self._foot, error)
 
     def _check_passive_limits(self, q: np.ndarray, p: np.ndarray, branch: str, failures: RowFailures) -> None:
         places = [
@@ -1266,6 +1276,8 @@ class Leg:
         ParameterError
             There is no formula of that name, or no such number.
         """
+        if not isinstance(name, str):
+            raise ParameterError(f"a formula's name is text, got {name!r}", parameter=name)
         made: Callable[..., np.ndarray] = self._only("kernel")(name, tuple(vary))
         return made
 
@@ -1424,7 +1436,10 @@ class Leg:
             columns: np.ndarray = search.columns(*wanted, failures)
             return columns
 
-        return search.solution(call.run(solve, (search.width,), *given))
+        try:
+            return search.solution(call.run(solve, (search.width,), *given))
+        except RowError as error:
+            raise self._with_place(error) from None
 
     def loop_forces(
         self,

@@ -114,7 +114,8 @@ class Recipe:
         def numeric() -> PinocchioRoute:
             from leg_dynamics.mechanism.route import PinocchioRoute
 
-            return PinocchioRoute(self.description, self.foot, hip)
+            # A row that the kernels leave to it must not depend on the rows before.
+            return PinocchioRoute(self.description, self.foot, hip, remembers=self.route == "pinocchio")
 
         if self.route == "pinocchio":
             return numeric()

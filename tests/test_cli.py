@@ -301,6 +301,14 @@ def test_info_with_a_parameter_set():
     assert (values["L1"], values["foot_mass"], values["L4"]) == (0.2, 1.0, 0.095)
 
 
+@pytest.mark.parametrize("command", ["info", "preview", "torque"])
+def test_advice_on_routes_is_an_option(command):
+    result = run(command, "quadruped_leg", "--set", "frozen=0")
+    assert result.code == 2
+    assert "change the file, or use --route pinocchio, which has no such assumption" in " ".join(result.err.split())
+    assert "route=" not in result.err
+
+
 def test_infinite_limits_become_null(tmp_path):
     file = tmp_path / "pendulum[1].urdf"
     file.write_text(PENDULUM, encoding="utf-8")
@@ -1020,3 +1028,8 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch):
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     assert len(list(cli._chunks(600, "torque rows"))) == 3
     assert sys.stderr.getvalue() == ""
+
+
+def test_the_package_is_the_command():
+    result = subprocess.run([sys.executable, "-m", "leg_dynamics", "list"], capture_output=True, text=True, check=True)
+    assert "omnileg" in result.stdout

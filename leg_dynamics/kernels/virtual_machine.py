@@ -62,7 +62,9 @@ class VirtualMachine:
             given = out if isinstance(out, tuple) else (out,)
             for number, (target, result) in enumerate(zip(given, shaped, strict=True)):
                 if target is not None:
-                    target[...] = result
+                    if not isinstance(target, np.ndarray):
+                        raise TypeError(f"return arrays must be of ArrayType, got {type(target).__name__}")
+                    np.copyto(target, result, casting="same_kind")
                     shaped[number] = target
         else:
             shaped = [result[()] for result in shaped]

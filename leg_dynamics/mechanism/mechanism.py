@@ -129,6 +129,8 @@ class Mechanism:
         Link whose origin is the foot; without it the foot methods raise `MissingFootError`.
     hip : str, optional
         Link in whose axes foot quantities, forces and gravity are expressed; the root where None.
+    remembers : bool
+        Whether the closure may start from the last pose. Without, a pose does not depend on those before.
 
     Raises
     ------
@@ -136,8 +138,11 @@ class Mechanism:
         The file cannot be modelled.
     """
 
-    def __init__(self, description: Description, foot: str | None = None, hip: str | None = None) -> None:
+    def __init__(
+        self, description: Description, foot: str | None = None, hip: str | None = None, *, remembers: bool = True
+    ) -> None:
         self.description = description
+        self.remembers = remembers
         self.foot = foot
         self.hip = hip if hip is not None else description.root
         self.tree = Tree.from_description(description)
@@ -184,7 +189,7 @@ class Mechanism:
         self._seeds: tuple[ClosedState, ...] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"description": self.description, "foot": self.foot, "hip": self.hip}
+        return {"description": self.description, "foot": self.foot, "hip": self.hip, "remembers": self.remembers}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(**state)  # type: ignore[misc]
@@ -520,8 +525,9 @@ class Mechanism:
     def close(self, y: np.ndarray) -> ClosedState:
         """Tree coordinates that close the loops at y (n,), in the assembly mode of the nearest seed.
 
-        Starts from this thread's last pose where it is near, else follows the mode from a seed. Close to the boundary
-        of the mode's reach, a pose may be reached from a neighbour and not on the straight way from a seed.
+        Starts from the last pose of this thread where it is near (see `remembers`), else follows the mode from a seed.
+        Close to the boundary of the mode's reach, a pose may be reached from a neighbour and not on the straight way
+        from a seed.
 
         Raises
         ------
@@ -543,7 +549,7 @@ class Mechanism:
             distance = self.distance(y - last.y)
             if distance == 0.0:
                 return last
-            if distance <= CONTINUATION_STEP:
+            if self.remembers and distance <= CONTINUATION_STEP:
                 state = self.advance(last, y)
                 if state is not None:
                     work.last = self._settled(state)

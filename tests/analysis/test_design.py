@@ -502,3 +502,16 @@ def test_resolution_that_is_out_of_reach_is_said(hexapod):
     with pytest.warns(LegDynamicsWarning, match="NOT within"):
         plan = Plan.of(study)
     assert plan.resolution.samples == 1 << 17
+
+
+@pytest.mark.parametrize("length", [0.11, 0.14, 0.18, 0.2])
+def test_a_home_on_the_edge_counts_for_design_and_workspace(length):
+    """The OmniLeg is straight at home: the last digit of its reach decides nothing."""
+    leg = ld.load("omnileg")
+    study = Study(leg, (Stage((Range("L1", 0.1, 0.2),), 1),), objectives=("L", "Z_b"), tolerance=0.1)
+    row = Evaluator(Plan.of(study)).row(0, {"L1": length})
+    step = workspace(leg.replace(L1=length), tolerance=0.1).step
+    assert row.status == "ok", row.reason
+    assert row.values["L"] == pytest.approx(0.0, abs=1e-6)
+    assert step.length == pytest.approx(0.0, abs=1e-6)
+    assert row.values["Z_b"] == pytest.approx(step.back, rel=1e-4)

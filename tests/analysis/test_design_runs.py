@@ -281,7 +281,15 @@ def test_dask_worker_that_is_killed(tmp_path):
 
 
 @pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "http://127.0.0.1"])
+@pytest.mark.parametrize("address", ["nowhere", "http://127.0.0.1", "", "tcp://", "tcp://a b:1"])
+def test_an_address_that_is_none(address):
+    pytest.importorskip("distributed", reason="distributed, of the extra dask, is not installed")
+    with pytest.raises(StudyError, match=r"address is like tcp://127\.0\.0\.1:8786"):
+        run(make(5), scheduler=address)
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "127.0.0.1:1"])
 def test_no_scheduler(address, monkeypatch):
     pytest.importorskip("distributed", reason="distributed, of the extra dask, is not installed")
     monkeypatch.setattr("leg_dynamics.analysis.design.running.PATIENCE", 0.5)

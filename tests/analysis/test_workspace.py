@@ -261,3 +261,14 @@ def test_files_and_page(tmp_path, sector):
     assert "<b>sector" not in page
     assert "http" not in page.split("</style>")[1].replace("http-equiv", "")[:2000]
     assert page.count("data:image/svg+xml") == 4
+
+
+def test_a_deviation_without_a_value_has_no_interval():
+    """Straight arms are inside: the integral of the squared condition number does not converge there."""
+    settled = workspace(ld.load("hexapod_leg"), tolerance=0.005)
+    growing = workspace(ld.load("quadruped_leg"), tolerance=0.05)
+    assert settled.deviation_is_settled
+    assert settled.to_dict()["condition_number"]["deviation_half_width"] == settled.deviation.half_width
+    assert not growing.deviation_is_settled
+    assert growing.to_dict()["condition_number"]["deviation_half_width"] is None
+    assert not growing.to_dict()["condition_number"]["deviation_is_settled"]

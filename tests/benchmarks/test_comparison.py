@@ -90,3 +90,16 @@ def test_only_what_both_have_is_compared():
 def test_other_files_are_refused(before):
     with pytest.raises(ComparisonError):
         compare(run_of({}), before, "s")
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf"), 10**400, "1", None])
+def test_ratios_that_cannot_be_are_named(value):
+    run = run_of({"a": (1.0, 1.1, 1.2)})
+    with pytest.raises(ComparisonError, match="damaged report"):
+        compare(run, run_of({"a": (1.0, value, 1.2)}), "s")
+
+
+def test_results_that_are_no_list_are_named():
+    run = run_of({"a": (1.0, 1.1, 1.2)})
+    with pytest.raises(ComparisonError, match="results is a list, got dict"):
+        compare(run, run | {"results": {}}, "s")

@@ -126,3 +126,23 @@ def test_the_count_is_exact_under_threads(slow, counter):
     for caller in callers:
         caller.join()
     assert counter[0] == once * 41
+
+
+@pytest.mark.parametrize("out", [np.zeros(30, dtype=int), [0.0] * 30], ids=["integers", "list"])
+def test_outputs_of_another_kind_are_refused_by_both(lab, out):
+    program = lab.program([()], lambda x: 2 * x)
+    compiled = lab.compiled([()], lambda x: 2 * x)
+    slow = VirtualMachine(program, memoryview(np.zeros(1, dtype=np.int64)))
+    x = np.linspace(0.0, 1.0, 30)
+    for function_of_x in (slow, compiled):
+        with pytest.raises(TypeError):
+            function_of_x(x, out=out)
+    assert not np.any(out)
+
+
+def test_outputs_of_lower_precision_are_cast_by_both(lab):
+    program = lab.program([()], lambda x: 2 * x)
+    slow = VirtualMachine(program, memoryview(np.zeros(1, dtype=np.int64)))
+    x, out = np.linspace(0.0, 1.0, 30), np.zeros(30, dtype=np.float32)
+    np.testing.assert_array_equal(slow(x, out=out), (2 * x).astype(np.float32))
+    np.testing.assert_array_equal(lab.compiled([()], lambda x: 2 * x)(x, out=out), (2 * x).astype(np.float32))

@@ -61,9 +61,13 @@ def _facts(result: Workspace) -> Iterable[tuple[str, str]]:
     length = result.dexterity.characteristic_length
     scaled = "" if length is None else f", rad columns over {length:.4g} m"
     yield f"{result.mean.value:.4g}", f"mean condition number (31), ± {result.mean.half_width:.2g}{scaled}"
-    yield f"{result.deviation.value:.4g}", f"its deviation (32, corrected), ± {result.deviation.half_width:.2g}"
+    if result.deviation_is_settled:
+        yield f"{result.deviation.value:.4g}", f"its deviation (32, corrected), ± {result.deviation.half_width:.2g}"
+    else:
+        most = float(result.poses.condition.max())
+        yield f"{result.deviation.value:.4g}", f"its deviation, not settled: up to {most:.3g} in these samples"
     yield f"{result.dexterity.smallest:.4g}", "least condition number"
-    yield f"{result.dexterity.smallest_singular_value:.3g} {unit}", "smallest singular value"
+    yield f"{result.dexterity.smallest_singular_value:.3g} {unit}", "smallest singular value of the samples"
 
 
 def _step(result: Workspace) -> Iterable[str]:

@@ -21,6 +21,9 @@ from leg_dynamics.analysis.workspace.step import Step
 
 __all__ = ["Injectivity", "Workspace"]
 
+SETTLED = 0.1
+"""Half width, as a share of the value, above which an interval says nothing."""
+
 
 @dataclass(frozen=True)
 class Injectivity:
@@ -132,6 +135,15 @@ class Workspace:
         return {1: "m", 2: "m²"}.get(len(self.joint_names), "m³")
 
     @property
+    def deviation_is_settled(self) -> bool:
+        """Whether the interval of the deviation (32) says anything.
+
+        Where a singular pose is inside, k grows as 1 / distance and the integral of its square with the number of
+        samples: there is no value.
+        """
+        return bool(self.deviation.half_width <= SETTLED * self.deviation.value)
+
+    @property
     def justification(self) -> str:
         """Why the resolution is what it is, in one sentence."""
         last = self.levels[-1]
@@ -171,7 +183,8 @@ class Workspace:
             "condition_number": self.dexterity.to_dict()
             | {
                 "mean_half_width": self.mean.half_width,
-                "deviation_half_width": self.deviation.half_width,
+                "deviation_half_width": self.deviation.half_width if self.deviation_is_settled else None,
+                "deviation_is_settled": self.deviation_is_settled,
                 "definition": "of the foot Jacobian by the actuators; mean: integral of k dV / V; deviation: root of "
                 "the integral of (k - mean)^2 dV / V",
                 "best_pose": best,

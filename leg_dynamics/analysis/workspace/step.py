@@ -13,6 +13,7 @@ All ends are found by bisection on the feasibility of the poses that inverse kin
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -22,10 +23,13 @@ from leg_dynamics.analysis.workspace.boundary import bisected
 from leg_dynamics.analysis.workspace.foot import FootEvaluator
 from leg_dynamics.errors import WorkspaceError
 
-__all__ = ["DEFINITION", "Step", "no_step", "step_sizes", "with_home"]
+__all__ = ["DEFINITION", "Step", "home_inside", "no_step", "step_sizes", "with_home"]
 
 _NO_LENGTH = 1e-6
 """Of the workspace's x-extent: a chord that is shorter is none."""
+
+_EDGE = 1e-14
+"""Of the way to the middle of the workspace: some tens of roundings. A chord there is still none."""
 
 _HALVINGS = 28
 """Of a scan's step, which is some millimetres: the ends are exact to less than a nanometre."""
@@ -123,6 +127,30 @@ def with_home(lower: np.ndarray, upper: np.ndarray, home: np.ndarray) -> tuple[n
     return np.minimum(lower, home), np.maximum(upper, home)
 
 
+def home_inside(
+    feasible: Callable[[np.ndarray], bool], home: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray | None:
+    """The home position (3,), or a neighbour at the distance of rounding where home is on the workspace's edge.
+
+    On the edge itself, such as a leg that is straight at home, the last digit would decide.
+
+    Parameters
+    ----------
+    feasible : callable
+        Of a position (3,).
+    home : (3,) array
+    lower, upper : (3,) array
+        Corners of the workspace's box; the neighbour lies towards its middle.
+
+    Returns
+    -------
+    (3,) array or None
+        None where neither is feasible.
+    """
+    middle = 0.5 * (lower + upper)
+    return next((point for point in (home, home + _EDGE * (middle - home)) if feasible(point)), None)
+
+
 def step_sizes(foot: FootEvaluator, home: np.ndarray, lower: np.ndarray, upper: np.ndarray, down: float) -> Step:
     """Step length and height.
 
@@ -142,22 +170,23 @@ def step_sizes(foot: FootEvaluator, home: np.ndarray, lower: np.ndarray, upper: 
     WorkspaceError
         The home position is not feasible.
     """
-    at_home = foot(home[None])
-    if not at_home.feasible[0]:
+    start = home_inside(lambda point: bool(foot(point[None]).feasible[0]), home, lower, upper)
+    if start is None:
+        at_home = foot(home[None])
         raise no_step(home, foot.evaluate.name_of(at_home.active[0]), float(at_home.margin[0]))
-    plane = _Plane(foot, home, *with_home(lower, upper, home), down)
-    (start, end), (start_limit, end_limit) = plane.chord_through_home()
+    plane = _Plane(foot, start, *with_home(lower, upper, home), down)
+    (first, end), (start_limit, end_limit) = plane.chord_through_home()
     longest, height = plane.longest_chord()
     (front, front_at, front_limit), (back, back_at, back_limit) = plane.lift(1.0), plane.lift(-1.0)
     return Step(
         home=(float(home[0]), float(home[1]), float(home[2])),
-        length=end - start,
-        start=start,
+        length=end - first,
+        start=first,
         end=end,
         start_limit=start_limit,
         end_limit=end_limit,
-        longest=max(longest, end - start),
-        longest_height=height if longest > end - start else float(home[2]),
+        longest=max(longest, end - first),
+        longest_height=height if longest > end - first else float(home[2]),
         extent=float(upper[0] - lower[0]),
         front=front,
         back=back,
