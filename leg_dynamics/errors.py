@@ -205,7 +205,7 @@ class BranchError(OutOfReachError):
     """The chosen branch of the inverse kinematics ends before the point, and another one holds it.
 
     `margin` is how far the point is beyond the branch's end, m, negative; `holding` names the branches that hold the
-    first of the points.
+    first of the points, and is empty where the one that does has no name.
     """
 
     branch: str

@@ -653,6 +653,8 @@ class Leg:
         ------
         OutOfReachError
             No solution; `margin` is the missing distance, negative, in metres.
+        BranchError
+            Another branch has a solution, this one has none.
         JointLimitError
             The solution leaves the limits; `margin` is the excess, negative.
         RouteError

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from leg_dynamics.description.model import Description
-from leg_dynamics.errors import AssemblyError, OutOfReachError, RowError, RowFailures, SingularityError
+from leg_dynamics.errors import AssemblyError, BranchError, OutOfReachError, RowError, RowFailures, SingularityError
 from leg_dynamics.mechanism.assembly import SAME_POSE, close_configuration, configuration_coordinates, pose_difference
 from leg_dynamics.mechanism.mechanism import DOUBTFUL_INVERSE, ClosedState, LoopForces, Mechanism
 from leg_dynamics.mechanism.mobility import MobilityReport, mobility_report
@@ -25,8 +25,20 @@ REACH_ITERATIONS = 100
 LARGEST_JOINT_STEP = 0.2
 # Other starting poses where the descent from the configuration gets stuck.
 RESTARTS = 6
+THOROUGH_RESTARTS = 24
 # Steps in a row that may fail before a descent counts as stuck.
 REJECTIONS = 12
+# Ways from a branch's configuration on which other starting poses are looked for, inside the joint limits and anywhere.
+WAYS = 64
+
+
+class _Ways(NamedTuple):
+    """Poses on numbered ways through a branch: coordinates (k, n), feet (k, 3), and which are inside the limits."""
+
+    number: np.ndarray
+    y: np.ndarray
+    feet: np.ndarray
+    inside: np.ndarray
 
 
 class PinocchioRoute:
@@ -34,8 +46,8 @@ class PinocchioRoute:
 
     name = "pinocchio"
 
-    def __init__(self, description: Description, foot: str | None, hip: str | None) -> None:
-        self.mechanism = Mechanism(description, foot, hip)
+    def __init__(self, description: Description, foot: str | None, hip: str | None, *, remembers: bool = True) -> None:
+        self.mechanism = Mechanism(description, foot, hip, remembers=remembers)
         self.joint_names = self.mechanism.joint_names
         self.actuator_joints = self.mechanism.actuator_joints
         self.tree_joint_names = self.mechanism.tree.joint_names
@@ -43,6 +55,7 @@ class PinocchioRoute:
         self.has_foot = foot is not None
         names = [configuration.name for configuration in description.configurations]
         self.branches: tuple[str, ...] = tuple(names) if names else ("home",)
+        self._known_ways: dict[tuple[str, bool], _Ways] = {}
 
     def _rows(
         self, function: Row, shape: tuple[int, ...], q: np.ndarray, others: tuple[Any, ...], failures: RowFailures
@@ -293,52 +306,231 @@ class PinocchioRoute:
         return mechanism.seeds[0]
 
     def _reach(self, p: np.ndarray, branch: str) -> np.ndarray:
-        """Descend from the configuration; where that gets stuck, from other poses inside the joint limits.
+        """Descend from the configuration; where that gets stuck, from other poses of the branch.
 
-        A descent started elsewhere counts only where it ends inside the joint limits: outside, it may have left
-        the branch.
+        A branch is what continues from its configuration without a singular foot Jacobian on the way: every descent,
+        and the way to every start, stays on that side. Where the configuration itself is singular, the branch is that
+        of the pose beside it, towards the middle of the joint limits. Jacobians whose rank is always below the number
+        of joints, and more than three joints, have no sides: all poses of the assembly mode are one branch.
+
+        Most branches reach a point once. Where one does it several times, a solution inside the joint limits is
+        preferred, then the configuration's.
+
+        Raises
+        ------
+        BranchError
+            Only another branch reaches the point.
+        OutOfReachError
+            Nothing was found that reaches it.
         """
-        mechanism = self.mechanism
-        accepted = REACH_ACCEPTED * mechanism.closure.length
-        start = self._start(branch)
-        best, nearest = self._descend(p, start)
-        if best <= accepted:
-            return nearest
-        from scipy.stats.qmc import Halton
-
-        lower, upper = (bound[mechanism.independent] for bound in mechanism.search_box())
-        for share in Halton(mechanism.n, scramble=False).random(RESTARTS):
-            try:
-                distance, y = self._descend(p, mechanism.close(lower + share * (upper - lower)))
-            except (AssemblyError, SingularityError):
-                continue
-            if distance <= accepted and (y >= lower - accepted).all() and (y <= upper + accepted).all():
+        distance, y = self._search(p, branch, RESTARTS)
+        if self._accepts(distance):
+            return y
+        elsewhere, holding = self._elsewhere(p, branch)
+        if elsewhere is not None:
+            # Before the branch is said to end, it gets a longer search: beside folds, most descents get stuck.
+            distance, y = self._search(p, branch, THOROUGH_RESTARTS)
+            if self._accepts(distance):
                 return y
-            if distance < best:
-                best, nearest = distance, y
+            raise self._other_branch(p, branch, distance, y, elsewhere, holding)
         raise OutOfReachError(
             f"no joint coordinates in branch {branch!r} put the foot at {p.tolist()} m: the nearest point found is "
-            f"{best:.3g} m away; check the workspace or start from another configuration",
-            margin=-best,
-            nearest=nearest,
+            f"{distance:.3g} m away; check the workspace or start from another configuration",
+            margin=-distance,
+            nearest=y,
         )
 
-    def _descend(self, p: np.ndarray, state: ClosedState) -> tuple[float, np.ndarray]:
+    def _accepts(self, distance: float) -> bool:
+        return distance <= REACH_ACCEPTED * self.mechanism.closure.length
+
+    def _search(self, p: np.ndarray, branch: str, restarts: int, any_side: bool = False) -> tuple[float, np.ndarray]:
+        """Distance to p that the best of several descents leaves, m, and the independent coordinates there."""
+        best, nearest, outside = np.inf, np.zeros(0), None
+        for start in self._starts(branch, p, restarts, any_side):
+            try:
+                distance, state = self._descend(p, self.mechanism.close(start), any_side)
+            except (AssemblyError, SingularityError):
+                continue
+            if not self._accepts(distance):
+                if outside is None and distance < best:
+                    best, nearest = distance, state.y
+                continue
+            y = self._without_turns(state)
+            if self._inside_limits(y):
+                return distance, y
+            if outside is None:
+                best, nearest, outside = distance, y, y
+            elif self.mechanism.distance(y - outside) < SAME_POSE:
+                # Descents from two sides that end at the same place leave little hope for another one.
+                break
+        return best, nearest
+
+    def _elsewhere(self, p: np.ndarray, branch: str) -> tuple[np.ndarray | None, tuple[str, ...]]:
+        """Independent coordinates that put the foot at p in another branch, and the names of those that hold it."""
+        found = {}
+        for other in self.branches:
+            if other != branch:
+                try:
+                    distance, y = self._search(p, other, RESTARTS)
+                except (AssemblyError, SingularityError):
+                    continue  # a configuration in another assembly mode
+                if self._accepts(distance):
+                    found[other] = y
+        if found:
+            return next(iter(found.values())), tuple(found)
+        distance, y = self._search(p, branch, RESTARTS, any_side=True)
+        return (y if self._accepts(distance) else None), ()
+
+    def _other_branch(
+        self, p: np.ndarray, branch: str, missing: float, nearest: np.ndarray, y: np.ndarray, holding: tuple[str, ...]
+    ) -> BranchError:
+        """The error for a point that `branch` misses, and that the coordinates y (n,) of another branch reach."""
+        outside = "" if self._inside_limits(y) else ", outside the joint limits,"
+        advice = (
+            f"choose branch {' or '.join(map(repr, holding))}"
+            if holding
+            else "add a <configuration> on that side to the file and choose it as the branch"
+        )
+        return BranchError(
+            f"branch {branch!r} was not found to reach {p.tolist()} m, its nearest point is {missing:.3g} m away; "
+            f"another branch does{outside} at {self.mechanism.pose_text(y)}, beyond a singular pose of the foot "
+            f"Jacobian: {advice}, or choose another foot position",
+            margin=-missing,
+            nearest=nearest,
+            branch=branch,
+            holding=holding,
+            solution=y,
+        )
+
+    def _inside_limits(self, y: np.ndarray) -> bool:
+        mechanism, slack = self.mechanism, REACH_ACCEPTED * self.mechanism.closure.length
+        independent = mechanism.independent
+        return bool(
+            (y >= mechanism.lower[independent] - slack).all() and (y <= mechanism.upper[independent] + slack).all()
+        )
+
+    def _without_turns(self, state: ClosedState) -> np.ndarray:
+        """Independent coordinates of the same pose with as few whole turns as the joint limits allow.
+
+        Angles in couplings stay: there a turn counts. Others go to [-pi, pi], or where that is outside the limits and
+        other turns are inside, to the one of them that is nearest.
+        """
+        mechanism = self.mechanism
+        y, full = state.y.copy(), 2.0 * np.pi
+        bounds = (bound[mechanism.independent] for bound in (mechanism.lower, mechanism.upper))
+        for place, (name, lower, upper) in enumerate(zip(self.joint_names, *bounds, strict=True)):
+            if mechanism.description.joint(name).unit == "rad":
+                if mechanism.closure.coupling_matrix[:, mechanism.independent[place]].any():
+                    continue
+                angle = y[place] - full * np.round(y[place] / full)
+                few, many = np.ceil((lower - angle) / full - 1e-9), np.floor((upper - angle) / full + 1e-9)
+                y[place] = angle + full * min(max(0.0, few), many) if few <= many else angle
+        if (y == state.y).all():
+            return state.y
+        try:
+            if pose_difference(mechanism, mechanism.close(y), state) < SAME_POSE:
+                return y
+        except (AssemblyError, SingularityError):
+            pass
+        return state.y
+
+    def _starts(self, branch: str, p: np.ndarray, restarts: int, any_side: bool) -> Iterator[np.ndarray]:
+        """Coordinates in a branch, or in any, to descend from: its configuration, and then poses with the foot near p.
+
+        Half of them are inside the joint limits.
+        """
+        yield self._regular(self._start(branch)).y
+        ways = self._ways(branch, any_side)
+        order = np.argsort(np.linalg.norm(ways.feet - p, axis=1))
+        for inside in (True, False):
+            used: set[int] = set()
+            for pose in order:
+                way = int(ways.number[pose])
+                # One pose of each way: neighbours would end at the same place.
+                if ways.inside[pose] == inside and way not in used:
+                    used.add(way)
+                    yield ways.y[pose]
+                    if len(used) == restarts // 2:
+                        break
+
+    def _ways(self, branch: str, any_side: bool) -> _Ways:
+        """Poses of a branch on straight ways from its configuration, each as far as the branch goes.
+
+        They lead all over the joint limits, and as many all over a turn of every angle.
+        """
+        key = (branch, any_side)
+        if key in self._known_ways:
+            return self._known_ways[key]
+        from scipy.stats.qmc import Halton
+
+        mechanism = self.mechanism
+        home = self._regular(self._start(branch))
+        home_J = mechanism.foot_jacobian(home)
+        sided = not any_side and self._has_sides(home_J)
+        lower, upper = (bound[mechanism.independent] for bound in mechanism.search_box())
+        shares = Halton(mechanism.n, scramble=False).random(WAYS)
+        ends = [*(lower + shares * (upper - lower))]
+        is_angle = np.array([mechanism.description.joint(name).unit == "rad" for name in self.joint_names])
+        lower, upper = np.where(is_angle, -np.pi, lower), np.where(is_angle, np.pi, upper)
+        ends += [*(lower + shares * (upper - lower))]
+        found: list[tuple[int, np.ndarray, np.ndarray]] = []
+        for number, end in enumerate(ends):
+            count = int(np.ceil(mechanism.distance(end - home.y) / LARGEST_JOINT_STEP)) or 1
+            J = home_J
+            for step in range(1, count + 1):
+                try:
+                    state = mechanism.close(home.y + step / count * (end - home.y))
+                except (AssemblyError, SingularityError):
+                    break
+                before, J = J, mechanism.foot_jacobian(state)
+                if sided and _crosses_singularity(before, J):
+                    break
+                if not _is_singular(J):
+                    found.append((number, state.y, mechanism.foot_position(state)))
+        self._known_ways[key] = ways = _Ways(
+            np.array([number for number, _, _ in found], dtype=np.intp),
+            np.array([y for _, y, _ in found]).reshape(-1, mechanism.n),
+            np.array([foot for _, _, foot in found]).reshape(-1, 3),
+            np.array([self._inside_limits(y) for _, y, _ in found], dtype=bool),
+        )
+        return ways
+
+    def _has_sides(self, J: np.ndarray) -> bool:
+        """Whether singular poses part a leg with such a foot Jacobian, (3, n), into branches."""
+        return J.shape[1] <= 3 and not _is_singular(J)
+
+    def _regular(self, state: ClosedState) -> ClosedState:
+        """The pose, or where its foot Jacobian is singular, one beside it."""
+        if not _is_singular(self.mechanism.foot_jacobian(state)):
+            return state
+        return self.mechanism.close(self._leave_singular(state.y))
+
+    def _descend(self, p: np.ndarray, state: ClosedState, any_side: bool = False) -> tuple[float, ClosedState]:
         """Gauss-Newton with damping and step control on the foot position, staying in the assembly mode.
 
-        Returns the distance that is left, m, and the independent coordinates there.
+        Parameters
+        ----------
+        p : (3,) array
+            m.
+        state : ClosedState
+            Where to start, not singular where the leg has regular poses.
+        any_side : bool
+            Whether the way may lead through singular poses of the foot Jacobian, to other branches.
+
+        Returns
+        -------
+        float
+            The distance that is left, m.
+        ClosedState
+            The pose there.
         """
         mechanism = self.mechanism
         length = mechanism.closure.length
-        y = state.y.copy()
-        J = mechanism.foot_jacobian(state)
-        if np.linalg.matrix_rank(J, tol=1e-6 * max(1.0, float(np.abs(J).max()))) < min(J.shape):
-            y = self._leave_singular(y)
-            state = mechanism.close(y)
         error = p - mechanism.foot_position(state)
+        J = mechanism.foot_jacobian(state)
+        sided = not any_side and self._has_sides(J)
         damping, rejected = 1e-6, 0
         for _ in range(REACH_ITERATIONS):
-            J = mechanism.foot_jacobian(state)
             distance = float(np.linalg.norm(error))
             if distance < REACH_TOLERANCE * length or rejected == REJECTIONS:
                 break
@@ -350,18 +542,22 @@ class PinocchioRoute:
             if largest > LARGEST_JOINT_STEP:
                 step *= LARGEST_JOINT_STEP / largest
             try:
-                candidate = mechanism.close(y + step)
+                candidate = mechanism.close(state.y + step)
             except (AssemblyError, SingularityError):
                 damping, rejected = min(10.0 * damping, 1e3), rejected + 1
                 continue
             new_error = p - mechanism.foot_position(candidate)
             if float(np.linalg.norm(new_error)) < distance:
-                y, state, error, damping, rejected = y + step, candidate, new_error, max(0.1 * damping, 1e-15), 0
+                new_J = mechanism.foot_jacobian(candidate)
+                if sided and _crosses_singularity(J, new_J):
+                    damping, rejected = min(10.0 * damping, 1e6), rejected + 1
+                    continue
+                state, J, error, damping, rejected = candidate, new_J, new_error, max(0.1 * damping, 1e-15), 0
             elif distance < 0.1 * REACH_ACCEPTED * length and largest < 1e-8:
                 break
             else:
                 damping, rejected = min(10.0 * damping, 1e6), rejected + 1
-        return float(np.linalg.norm(error)), y
+        return float(np.linalg.norm(error)), state
 
     def _leave_singular(self, y: np.ndarray) -> np.ndarray:
         """A regular starting point near a singular configuration: towards the middle of the joint limits."""
@@ -369,3 +565,17 @@ class PinocchioRoute:
         lower = np.maximum(mechanism.lower[mechanism.independent], -1.0)
         upper = np.minimum(mechanism.upper[mechanism.independent], 1.0)
         return y + 0.3 * (0.5 * (lower + upper) - y) + 0.01
+
+
+def _is_singular(J: np.ndarray) -> bool:
+    return bool(np.linalg.matrix_rank(J, tol=1e-6 * max(1.0, float(np.abs(J).max()))) < min(J.shape))
+
+
+def _crosses_singularity(before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether the foot Jacobian, (3, n), may have been singular between two neighbouring poses.
+
+    The determinant's sign would miss two crossings at once (knee and hip of a quadruped's leg); the eigenvalues of
+    before^-1 after count each, see `Mechanism.advance`.
+    """
+    ratio = np.linalg.lstsq(before, after, rcond=None)[0]
+    return bool((np.linalg.eigvals(ratio).real <= 0.0).any())
