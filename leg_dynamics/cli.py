@@ -10,6 +10,7 @@ import functools
 import json
 import math
 import os
+import re
 import stat
 import sys
 import tempfile
@@ -170,7 +171,7 @@ def _reported(command: Callable[..., None]) -> Callable[..., None]:
 
             def showwarning(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
                 if issubclass(category, LegDynamicsWarning):
-                    _complain(f"warning: {message}")
+                    _complain(f"warning: {_as_options(str(message), kwargs)}")
                 else:
                     show(message, category, *place, **more)
 
@@ -185,16 +186,21 @@ def _reported(command: Callable[..., None]) -> Callable[..., None]:
                 _complain("interrupted")
                 raise typer.Exit(INTERRUPTED) from None
             except CrosscheckError as error:
-                _complain(f"error: {error}")
+                _complain(f"error: {_as_options(str(error), kwargs)}")
                 raise typer.Exit(FAILED) from None
             except LegDynamicsError as error:
-                _complain(f"error: {error}")
+                _complain(f"error: {_as_options(str(error), kwargs)}")
                 raise typer.Exit(USAGE) from None
             except OSError as error:
                 _report_os_error(error)
                 raise typer.Exit(USAGE) from None
 
     return wrapper
+
+
+def _as_options(text: str, given: Mapping[str, Any]) -> str:
+    """A message whose advice to call `load` with a route names the option, where the command has it."""
+    return re.sub(r"\broute='(\w+)'", r"--route \1", text) if "route" in given else text
 
 
 def _report_os_error(error: OSError) -> None:
@@ -614,6 +620,10 @@ def design_leg(
         raise typer.BadParameter("give either --sweep, or --vary (and perhaps --stage)")
     if resume and output is None:
         raise typer.BadParameter("--resume goes on with the study in a folder: name it with --output")
+    peaks = ("peak_force", "peak_speed", "peak_power")
+    asked = (*(objective or ()), *(filter_ or ()), choose)
+    if gait is not None and not any(peak in text for peak in peaks for text in asked):
+        raise typer.BadParameter(f"--gait serves the objectives {', '.join(peaks)}: ask for one with --objective")
     if support_force is not None and gait is None:
         raise typer.BadParameter("--support-force acts in the stance of a gait: give --gait too")
     _check_writable(html)
@@ -1009,6 +1019,8 @@ def _robot(name: str, legs: Sequence[str] | None, route: str | None, set_: Seque
     import leg_dynamics
     from leg_dynamics import description
     from leg_dynamics.analysis.gait import robot_from
+    from leg_dynamics.analysis.gait.reading import leg_prefixes, moving_hip
+    from leg_dynamics.analysis.gait.robot import hip_link
 
     mechanism = description.read(name, parameters=_parameters(set_))
 
@@ -1021,12 +1033,19 @@ def _robot(name: str, legs: Sequence[str] | None, route: str | None, set_: Seque
         return robot_from(mechanism, [_load(leg, route, own(leg)) for leg in legs])
     reason = ""
     partly: list[Leg] = []
+    refused: dict[str, str] = {}
     for candidate in leg_dynamics.available():
-        if not description.read(candidate).has_link("foot"):
+        usual = description.read(candidate)
+        if not usual.has_link("foot"):
             continue
         try:
             model = _load(candidate, route, own(candidate))
-        except (DescriptionError, FormulaAssumptionError, RouteError):
+        except (DescriptionError, FormulaAssumptionError, RouteError) as error:
+            # Only a leg that the robot could have is missed.
+            for prefix in leg_prefixes(mechanism, [usual]):
+                refused[candidate] = str(error)
+                if moving := moving_hip(mechanism, prefix + hip_link(usual)):
+                    reason = reason or f": the hip of {prefix!r} hangs on the moving joint {moving!r}"
             continue
         try:
             return robot_from(mechanism, model)
@@ -1040,6 +1059,16 @@ def _robot(name: str, legs: Sequence[str] | None, route: str | None, set_: Seque
             return robot_from(mechanism, partly)
         except DescriptionError as error:
             reason = f": {error.message.removeprefix(f'{mechanism.file}: ')}"
+    if refused:
+        values = f" with {', '.join(set_)}" if set_ else ""
+        reasons = "; ".join(f"{candidate}: {why}" for candidate, why in refused.items())
+        raise DescriptionError(
+            f"the legs of {mechanism.name!r} cannot be compared with the shipped ones that their links are named "
+            f"after, for these do not load{values} ({reasons}){reason.replace(':', '; besides,', 1)}; choose values "
+            "that these legs take too, or name another leg with --leg",
+            file=mechanism.file,
+            refused=refused,
+        )
     raise DescriptionError(
         f"{mechanism.name!r} has no legs that are a shipped one or its mirror image{reason}; give a robot, such as "
         "hexapod or quadruped, and name its leg with --leg",
@@ -1445,11 +1474,12 @@ def _show_workspace(result: Workspace) -> None:
         rows.append(("volume by foot positions", f"{other.value:.5g} ± {other.half_width:.2g}", unit, ""))
     for k, axis in enumerate("xyz"):
         rows.append((axis, f"{result.lower[k]:.4f} ... {result.upper[k]:.4f}", "m", ""))
-    unsettled = result.deviation.half_width > 0.1 * result.deviation.value
-    settled = "not settled: a singularity is near" if unsettled else ""
+    settled = result.deviation_is_settled
+    deviation = f"{result.deviation.value:.4g}" + (f" ± {result.deviation.half_width:.2g}" if settled else "")
+    why = "" if settled else f"not settled: k is up to {result.poses.condition.max():.3g} in these samples"
     rows += [
         ("mean condition number", f"{result.mean.value:.4g} ± {result.mean.half_width:.2g}", "1", ""),
-        ("its deviation", f"{result.deviation.value:.4g} ± {result.deviation.half_width:.2g}", "1", settled),
+        ("its deviation", deviation, "1", why),
         ("least condition number", f"{result.dexterity.smallest:.4g}", "1", ""),
         ("smallest singular value", f"{result.dexterity.smallest_singular_value:.3g}", result.dexterity.unit, ""),
     ]

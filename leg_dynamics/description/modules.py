@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from leg_dynamics.description.xml_reader import nearest
 from leg_dynamics.description.yaml_reader import Entry, compose
@@ -297,11 +297,11 @@ class _Entry(Entry):
             raise self.error(f"{name!r} cannot name {what}: letters, digits and _ only, a letter first", name=name)
         return name
 
-    def roll(self, **evidence: Any) -> int:
+    def roll(self) -> int:
         roll = self.number()
         if roll not in _ROLLS:
             shown = ", ".join(map(str, _ROLLS))
-            raise self.error(f"{self.label} must be one of {shown} deg, a quarter turn, got {roll:g}", **evidence)
+            raise self.error(f"{self.label} must be one of {shown} deg, a quarter turn, got {roll:g}")
         return int(roll)
 
     def face(self, modules: Mapping[str, Module]) -> Face:
@@ -326,11 +326,20 @@ def _modules(entry: _Entry) -> dict[str, Module]:
     for key_node, _ in entry.node.value if entry.node.id == "mapping" else ():
         _Entry(key_node, entry.file, "the name of a module").identifier("a module")
     for name, module in entry.mapping().items():
-        values = module.mapping((*FACES, "mass"))
+        for key_node, _ in module.node.value if module.node.id == "mapping" else ():
+            letter = key_node.value
+            # Faces are letters; a longer key is another misspelling.
+            if key_node.id == "scalar" and len(letter) == 1 and letter not in FACES:
+                raise _Entry(key_node, entry.file, letter).error(
+                    f"{module.label} names an unknown face {letter!r} of module {name!r}: it has {', '.join(FACES)}",
+                    module=name,
+                    face=letter,
+                )
+        values = module.about(module=name, face=None).mapping((*FACES, "mass"))
         genders = dict(_USUAL_GENDERS)
         for face in FACES:
             if face in values:
-                genders[face] = values[face].choice(GENDERS, module=name, face=face)
+                genders[face] = values[face].about(face=face).choice(GENDERS)
         mass = values["mass"].number() if "mass" in values else None
         if mass is not None and not mass > 0.0:
             raise values["mass"].error(f"the mass of module {name!r} must be positive, got {mass:g} kg", module=name)
@@ -360,8 +369,9 @@ def _bond(entry: _Entry, modules: Mapping[str, Module]) -> Bond:
             "modules round, or fit the other kind of face",
             **evidence,
         )
-    roll = values["roll"].roll(**evidence) if "roll" in values else 0
-    return Bond(first, second, roll, values["ring"].flag() if "ring" in values else False, entry.line)
+    roll = values["roll"].about(**evidence).roll() if "roll" in values else 0
+    ring = values["ring"].about(**evidence).flag() if "ring" in values else False
+    return Bond(first, second, roll, ring, entry.line)
 
 
 def _root(entry: _Entry, modules: Mapping[str, Module]) -> Root:
@@ -378,12 +388,17 @@ def _root(entry: _Entry, modules: Mapping[str, Module]) -> Root:
         module, letter = values["module"].text(), None
         if module not in modules:
             raise entry.error(f"root names an unknown module {module!r}{nearest(module, modules)}", module=module)
+    evidence = {"module": module, "face": letter}
     if "roll" in values and (letter is None or floating):
-        raise values["roll"].error("root has a roll only where a fixed base is bolted to a face")
+        raise values["roll"].error("root has a roll only where a fixed base is bolted to a face", **evidence)
     if "rpy" in values and letter is not None and floating:
-        raise values["rpy"].error("a floating base at a face is that face's frame: leave rpy out, or use module")
-    roll = values["roll"].roll(module=module, face=letter) if "roll" in values else 0
-    roll_pitch_yaw = [each.number() for each in values["rpy"].sequence(3)] if "rpy" in values else [0.0, 0.0, 0.0]
+        raise values["rpy"].error(
+            "a floating base at a face is that face's frame: leave rpy out, or use module", **evidence
+        )
+    roll = values["roll"].about(**evidence).roll() if "roll" in values else 0
+    roll_pitch_yaw = [0.0, 0.0, 0.0]
+    if "rpy" in values:
+        roll_pitch_yaw = [each.number() for each in values["rpy"].about(**evidence).sequence(3)]
     a, b, c = roll_pitch_yaw
     return Root(module, letter, floating, roll, (a, b, c), entry.line)
 
@@ -491,6 +506,12 @@ def _numbers(entry: _Entry) -> dict[str, float]:
 def _joints(sections: Mapping[str, _Entry], modules: Mapping[str, Module]) -> tuple[ModuleJoint, ...]:
     """All joints with their names, angles, limits and whether they are frozen."""
     places = {f"{module}_{kind}": (module, kind) for module in modules for kind in JOINTS}
+
+    def module_of(own: str) -> str | None:
+        """The module of a joint, or the one that a joint that does not exist is called after."""
+        called = [module for module in modules if own.startswith(f"{module}_")]
+        return places[own][0] if own in places else max(called, key=len, default=None)
+
     chosen: dict[str, str] = {}
     if "joint_names" in sections:
         entry = sections["joint_names"]
@@ -499,9 +520,17 @@ def _joints(sections: Mapping[str, _Entry], modules: Mapping[str, Module]) -> tu
         for name, value in entry.mapping().items():
             own = value.text()
             if own not in places:
-                raise value.error(f"{value.label} names an unknown joint {own!r}{nearest(own, places)}", name=own)
+                hint = nearest(own, places)
+                raise value.error(
+                    f"{value.label} names an unknown joint {own!r}{hint}", name=own, module=module_of(own), face=None
+                )
             if own in chosen:
-                raise value.error(f"joint {own!r} has two names, {chosen[own]!r} and {name!r}", name=own)
+                raise value.error(
+                    f"joint {own!r} has two names, {chosen[own]!r} and {name!r}",
+                    name=own,
+                    module=module_of(own),
+                    face=None,
+                )
             chosen[own] = name
     names = {own: chosen.get(own, own) for own in places}
     by_name: dict[str, str] = {}
@@ -519,12 +548,21 @@ def _joints(sections: Mapping[str, _Entry], modules: Mapping[str, Module]) -> tu
         for name, value in found.items():
             if name not in by_name:
                 hint = f"; it is named {names[name]!r} here" if name in names else nearest(name, by_name)
-                raise value.error(f"{section} names an unknown joint {name!r}{hint}", name=name)
-        return found
+                module = module_of(name)
+                raise value.error(
+                    f"{section} names an unknown joint {name!r}{hint}", name=name, module=module, face=None
+                )
+        known = {}
+        for name, value in found.items():
+            module, own = places[by_name[name]][0], by_name[name]
+            # A joint's own name begins with its module's, another name need not.
+            label = value.label if name == own else f"{value.label} (of module {module!r})"
+            known[name] = _Entry(value.node, value.file, label, name=name, module=module, face=None)
+        return known
 
     frozen, home, limits = entries("frozen"), entries("home"), entries("limits")
     for name in frozen.keys() & home.keys():
-        raise home[name].error(f"joint {name!r} is in frozen and in home: frozen says its angle", name=name)
+        raise home[name].error(f"joint {name!r} is in frozen and in home: frozen says its angle")
     joints = []
     for own, (module, kind) in places.items():
         name = names[own]
@@ -533,7 +571,9 @@ def _joints(sections: Mapping[str, _Entry], modules: Mapping[str, Module]) -> tu
         if name in limits:
             lower, upper = (each.number() for each in limits[name].sequence(2))
             if not lower < upper:
-                raise limits[name].error(f"limits of {name!r}: {lower:g} deg must be below {upper:g} deg", name=name)
+                raise limits[name].error(
+                    f"limits of {name!r}, a joint of module {module!r}: {lower:g} deg must be below {upper:g} deg"
+                )
             bounds = (lower, upper)
         joints.append(ModuleJoint(name, module, kind, angle, name in frozen, bounds))
     return tuple(joints)

@@ -18,12 +18,17 @@ __all__ = ["Entry", "compose"]
 
 
 class Entry:
-    """A node of the file that knows its line and what it is called."""
+    """A node of the file that knows its line and what it is called, and `evidence` for its errors and its entries'."""
 
-    def __init__(self, node: Any, file: str, label: str) -> None:
+    def __init__(self, node: Any, file: str, label: str, **evidence: Any) -> None:
         self.node = node
         self.file = file
         self.label = label
+        self.evidence = evidence
+
+    def about(self, **evidence: Any) -> Self:
+        """The same node, whose errors carry this evidence too."""
+        return type(self)(self.node, self.file, self.label, **self.evidence | evidence)
 
     @property
     def line(self) -> int:
@@ -32,7 +37,7 @@ class Entry:
 
     def error(self, message: str, **evidence: Any) -> DescriptionError:
         """The error to raise, at this line."""
-        return DescriptionError(message, file=self.file, line=self.line, **evidence)
+        return DescriptionError(message, file=self.file, line=self.line, **self.evidence | evidence)
 
     def mapping(self, allowed: Iterable[str] | None = None, required: Iterable[str] = ()) -> dict[str, Self]:
         """The entries of a mapping by key; of these keys only, where they are given."""
@@ -40,7 +45,7 @@ class Entry:
             raise self.error(f"{self.label} must be a mapping, such as {{key: value}}, got {self.shown()}")
         found: dict[str, Self] = {}
         for key_node, value in self.node.value:
-            key = type(self)(key_node, self.file, f"a key of {self.label}")
+            key = type(self)(key_node, self.file, f"a key of {self.label}", **self.evidence)
             name = key.text()
             if allowed is not None and name not in allowed:
                 known = tuple(allowed)
@@ -52,7 +57,8 @@ class Entry:
                 raise key.error(
                     f"{self.label} names {name!r} twice: the first is on line {found[name].line}", name=name
                 )
-            found[name] = type(self)(value, self.file, f"{name} of {self.label}" if self.label != "the file" else name)
+            label = f"{name} of {self.label}" if self.label != "the file" else name
+            found[name] = type(self)(value, self.file, label, **self.evidence)
         for name in required:
             if name not in found:
                 raise self.error(f"{self.label} has no {name!r}, which it needs", name=name)
@@ -63,7 +69,10 @@ class Entry:
         if self.node.id != "sequence" or (count is not None and len(self.node.value) != count):
             many = "" if count is None else f" of {count}"
             raise self.error(f"{self.label} must be a list{many}, such as [a, b], got {self.shown()}")
-        return [type(self)(node, self.file, f"entry {i} of {self.label}") for i, node in enumerate(self.node.value, 1)]
+        return [
+            type(self)(node, self.file, f"entry {i} of {self.label}", **self.evidence)
+            for i, node in enumerate(self.node.value, 1)
+        ]
 
     def value(self) -> Any:
         """A single value as YAML understands it."""

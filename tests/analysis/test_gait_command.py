@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import shutil
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from leg_dynamics import cli
-from leg_dynamics.description import shipped_urdf
+from leg_dynamics.description import shipped_urdf, shipped_xacro
 
 QUICK = ("--samples", "40")
 
@@ -128,6 +131,92 @@ def test_legs_and_order_of_the_quadruped_by_hand():
     refused = run("quadruped", *QUICK, "--leg", "quadruped_leg")
     assert refused.exit_code == 2
     assert "neither 'quadruped_leg' nor a mirror image" in " ".join(refused.stderr.split())
+
+
+def said(result):
+    return " ".join(result.stderr.replace("│", " ").split())
+
+
+@pytest.mark.parametrize("swing_range", [50, 59])
+def test_a_leg_that_does_not_load_is_the_reason(swing_range):
+    result = run("quadruped", *QUICK, "--set", f"swing_range={swing_range}")
+    assert result.exit_code == 2
+    text = said(result)
+    assert f"do not load with swing_range={swing_range} (quadruped_leg: " in text
+    assert f"joint 'theta3' of module 'm01' is at home at -60 deg, {60 - swing_range} deg beyond its limits" in text
+    assert "quadruped_leg_reversed: " in text
+    assert "hexapod_leg" not in text
+    assert "no legs" not in text
+
+
+def test_a_free_robot_has_all_its_reasons():
+    text = said(run("quadruped", "--set", "frozen=0"))
+    assert "do not load with frozen=0 (quadruped_leg: " in text
+    assert "joint 'theta2' is from 'm02_lower_half'" in text
+    assert "or use --route pinocchio" in text
+    assert "route=" not in text
+    assert "besides, the hip of 'I_' hangs on the moving joint 'm06_middle'" in text
+    # And without the legs' formulas there is that one reason only.
+    text = said(run("quadruped", "--set", "frozen=0", "--route", "pinocchio"))
+    assert "the hip of 'I_' hangs on the moving joint 'm06_middle'" in text
+
+
+def test_a_robot_without_such_legs_is_not_told_of_their_parameters():
+    text = said(run("snake", "--set", "swing_range=59"))
+    assert "no legs" in text
+    assert "theta3" not in text
+
+
+def test_a_copy_of_the_quadruped_walks_alike(tmp_path):
+    copy = tmp_path / "other_name.yaml"
+    shutil.copy(shipped_xacro("quadruped"), copy)
+    own, other = (json.loads(run(name, *QUICK, "--json").stdout) for name in ("quadruped", copy))
+    assert other.pop("robot") == "other_name"
+    assert own.pop("robot") == "quadruped"
+    assert other == own
+
+
+def test_the_alternative_says_where_the_body_goes():
+    way = ("--velocity", "0,0.003", "--load", "none", "--json")
+    names = [each["walk"] for each in json.loads(run("quadruped", *QUICK, *way).stdout)["alternatives"]]
+    assert "straight to the left, at a speed that changes (sway 0,0.02 m)" in names
+    assert not any("ahead" in name for name in names)
+
+
+def test_world_feet_are_rebuilt_from_the_columns(tmp_path):
+    tilt = ("--tilt", "0.01,-0.02", "--tilt-sine", "0.01,0.01", "--body-height", "0.18")
+    way = ("--turn", "0.01", *tilt, "--load", "none", "--ignore-limits")
+    assert run("quadruped", *QUICK, *way, "--output", tmp_path).exit_code == 0
+    with (tmp_path / "cycle.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+
+    def table(*names):
+        return np.array([[float(row[name]) for name in names] for row in rows])
+
+    (sr, sp, sy), (cr, cp, cy) = (f(table("roll [rad]", "pitch [rad]", "yaw [rad]").T) for f in (np.sin, np.cos))
+    body = table(*(f"body_world_{axis} [m]" for axis in "xyz"))
+    for leg in ("I", "II", "III", "IV"):
+        x, y, z = table(*(f"{leg}_foot_{axis} [m]" for axis in "xyz")).T
+        y, z = cr * y - sr * z, sr * y + cr * z
+        x, z = cp * x + sp * z, cp * z - sp * x
+        x, y = cy * x - sy * y, sy * x + cy * y
+        world = table(*(f"{leg}_foot_world_{axis} [m]" for axis in "xyz"))
+        np.testing.assert_allclose(body + np.stack([x, y, z], axis=1), world, rtol=0.0, atol=1e-10)
+    assert abs(table("yaw [rad]")[-1, 0] - 0.2) < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--clearance", "0.03"), "(I_theta3 is a joint of module 'I_m01')"),
+        (("--velocity", "0.02,0", "--sway", "0,0"), "(the foot is on face U of module 'I_m01')"),
+        (("--sway", "0.2,0.2"), "make the sway smaller (the foot is on face U of module 'I_m01')"),
+    ],
+)
+def test_errors_of_a_robot_of_modules_name_module_and_face(arguments, words):
+    text = said(run("quadruped", *QUICK, *arguments))
+    assert text.endswith(words)
+    assert text.count(" module ") == 1
 
 
 @pytest.mark.parametrize(

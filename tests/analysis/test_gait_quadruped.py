@@ -42,7 +42,7 @@ from leg_dynamics.analysis.gait.page import render_page
 from leg_dynamics.analysis.gait.stills import _polygons, still_rows
 from leg_dynamics.description import link_transforms, read, shipped_urdf
 from leg_dynamics.description.model import Geometry
-from leg_dynamics.errors import OutOfReachError, TrajectoryError
+from leg_dynamics.errors import JointLimitError, OutOfReachError, TrajectoryError
 
 from .gait_robots import toy_robot
 
@@ -341,6 +341,60 @@ def test_settings_are_the_robots_own_and_changed_ones_are_marked(robot, planned)
         plan_walk(robot, stride=0.03, velocity=(0.01, 0.0))
     with pytest.raises(TrajectoryError, match="III,IV"):
         plan_walk(robot, gait="gallop")
+
+
+def test_the_walk_goes_by_the_legs_not_by_names(robot):
+    named = dict(zip(robot.leg_names, ("front_left", "front_right", "rear_left", "rear_right"), strict=True))
+    limbs = [dataclasses.replace(limb, name=named[limb.name]) for limb in robot.limbs[::-1]]
+    other = dataclasses.replace(robot, name="other", limbs=tuple(limbs))
+    assert settings_for(other) == dataclasses.replace(
+        settings_for(robot), gait=("rear_left", "front_left", "rear_right", "front_right")
+    )
+    assert plan_walk(other, sway=(0.0, 0.0)).choices != ()
+    # Neither with three legs, nor with legs of another kind, nor with two legs at one corner.
+    assert settings_for(dataclasses.replace(robot, limbs=robot.limbs[:3])) == Settings()
+    assert settings_for(dataclasses.replace(toy_robot(4), name="quadruped")) == Settings()
+    moved = dataclasses.replace(robot.limbs[1], hip=robot.limbs[0].hip)
+    assert settings_for(dataclasses.replace(robot, limbs=(robot.limbs[0], moved, *robot.limbs[2:]))) == Settings()
+
+
+@pytest.mark.parametrize(
+    ("velocity", "turn", "words"),
+    [
+        ((0.003, 0.0), 0.0, "straight ahead, at a speed that changes (sway 0.01,0 m)"),
+        ((-0.003, 0.0), 0.0, "straight back, at a speed that changes (sway 0.01,0 m)"),
+        ((0.0, 0.002), 0.0, "straight to the left, at a speed that changes (sway 0,0.005 m)"),
+        ((0.0, -0.002), 0.0, "straight to the right, at a speed that changes (sway 0,0.005 m)"),
+        ((0.003, 0.0), 0.005, "along its arc ahead, at a speed that changes (sway 0.01,0 m)"),
+        ((0.002, 0.002), 0.0, None),
+        ((0.0, 0.0), 0.01, None),
+    ],
+)
+def test_a_changing_speed_is_along_the_way(robot, velocity, turn, words):
+    walks = plan_walk(robot, velocity=velocity, turn=turn, sway=(0.01, 0.005), harmonics=2).alternatives
+    names = [name for name in walks if "at a speed that changes" in name]
+    assert names == ([] if words is None else [words])
+    if words is not None:
+        sway = walks[words].sway
+        across = 1 if velocity[0] else 0
+        assert (sway.cosine[:, [across, 2]] == 0.0).all()
+        assert (sway.sine[:, [across, 2]] == 0.0).all()
+
+
+def test_errors_of_a_walk_name_module_and_face(robot):
+    even = plan_walk(robot, sway=(0.0, 0.0)).walk
+    far = dataclasses.replace(even, homes=even.homes * [1.0, 1.5, 1.0])
+    with pytest.raises(OutOfReachError, match=r"the foot is on face U of module 'I_m01'\)$") as caught:
+        study(robot, far, samples=40)
+    assert (caught.value.leg, caught.value.module, caught.value.face) == ("I", "I_m01", "U")
+    with pytest.raises(OutOfReachError, match=r"the foot is on face U of module 'I_m01'\)$") as caught:
+        static_margin(robot, far, samples=40)
+    assert (caught.value.module, caught.value.face) == ("I_m01", "U")
+    high = plan_walk(robot, sway=(0.0, 0.0), clearance=0.04).walk
+    with pytest.raises(JointLimitError, match=r"_theta3 is a joint of module '\w+_m01'\)$") as caught:
+        study(robot, high, samples=40)
+    assert caught.value.module == f"{caught.value.leg}_m01"
+    assert caught.value.face is None
 
 
 # Motion and efforts.

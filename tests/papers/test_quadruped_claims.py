@@ -157,9 +157,35 @@ def test_sway_makes_the_margin_positive(verdicts, context):
     assert figure(steady, "least margin, all masses, round the body and sway") > 2e-3
     result = stability.swayed(context)
     assert all(limit.holds for limit in result.limits)
-    shift = result.walk.sway.value(np.linspace(0.0, 1.0, 501), walking.PERIOD)
-    assert np.abs(shift).max() <= walking.SWAY_BOUND * 1.001
+    # Between the samples too: 20 times as many, and not among them.
+    cycles = np.linspace(0.0, 1.0, 4001) + 1.3e-4
+    assert np.abs(result.walk.sway.value(cycles, walking.PERIOD)).max() <= walking.SWAY_BOUND
+    assert result.walk.body_velocity(cycles * walking.PERIOD)[:, 0].min() >= 0.0
     assert result.load == "balanced"
+
+
+@pytest.mark.parametrize("order", [reported.ORDER, ("III", "I", "II", "IV")])
+@pytest.mark.parametrize("bound", [0.0, 0.005, 0.03, 0.1, 20.0])
+def test_the_sway_keeps_its_bounds_between_the_samples(context, order, bound):
+    walk = walking.walk_of(context, order, duty=walking.SWAYED_DUTY)
+    _, sway = walking.best_sway(walk, (bound, bound))
+    cycles = np.linspace(0.0, 1.0, 20001)
+    assert np.abs(sway.value(cycles, walking.PERIOD)).max() <= bound
+    assert walk.twist.forward + sway.value(cycles, walking.PERIOD, 1)[:, 0].min() >= -1e-15
+
+
+def test_figures_and_the_page_agree_on_the_walk_with_sway(verdicts):
+    straight = verdicts["Fig. 7"]
+    assert figure(straight, "greatest |x| of the body with sway") <= walking.SWAY_BOUND
+    assert figure(straight, "least speed ahead with sway") >= 0.0
+
+
+def test_the_page_says_how_the_commands_walk_differs(context):
+    (section,) = stability.sections(context)
+    sentence = next(text for text in section.paragraphs if "leg-dynamics gait quadruped" in text)
+    assert "optimises further" in sentence
+    assert "2 harmonics, up to 30 mm" in sentence
+    assert "4 harmonics up to 20 mm" in sentence
 
 
 def test_checks_hold(context):

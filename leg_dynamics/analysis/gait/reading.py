@@ -13,7 +13,7 @@ from leg_dynamics.analysis.gait.robot import Limb, Robot, hip_link, moving_links
 from leg_dynamics.description.model import Description, Joint, LoopEnd, Pose
 from leg_dynamics.errors import DescriptionError
 
-__all__ = ["robot_from"]
+__all__ = ["leg_prefixes", "moving_hip", "robot_from"]
 
 TOLERANCE = 1e-9
 """m, kg, kg m², 1: files are written to fifteen digits."""
@@ -51,7 +51,7 @@ def robot_from(description: Description, leg: Any) -> Robot:
     models = list(leg) if isinstance(leg, Sequence) else [leg]
     limbs: list[Limb] = []
     reasons: dict[str, str] = {}
-    for prefix in _prefixes(description, models):
+    for prefix in leg_prefixes(description, [_file(model) for model in models]):
         try:
             limbs.append(_limb(description, prefix, models))
         except DescriptionError as error:
@@ -80,12 +80,11 @@ def _file(model: Any) -> Description:
     return mechanism
 
 
-def _prefixes(description: Description, models: Sequence[Any]) -> list[str]:
-    """What stands before the names of each leg's links, in file order."""
+def leg_prefixes(description: Description, legs: Sequence[Description]) -> list[str]:
+    """What stands before the names of each leg's links in a robot's file, in its order; `legs` are the legs' files."""
     found = []
     for link in description.links:
-        for model in models:
-            mechanism = _file(model)
+        for mechanism in legs:
             hip = hip_link(mechanism)
             if not link.name.endswith(hip):
                 continue
@@ -95,6 +94,11 @@ def _prefixes(description: Description, models: Sequence[Any]) -> list[str]:
             ):
                 found.append(prefix)
     return found
+
+
+def moving_hip(description: Description, hip: str) -> str | None:
+    """The first joint that moves between the body and a hip; None where the hip is fixed, as a gait needs it."""
+    return next((joint.name for joint in description.path(hip) if joint.type != "fixed"), None)
 
 
 def _limb(description: Description, prefix: str, models: Sequence[Any]) -> Limb:
@@ -111,11 +115,8 @@ def _limb(description: Description, prefix: str, models: Sequence[Any]) -> Limb:
         if worst[0] > TOLERANCE:
             nearest.append(worst)
             continue
-        moving = [joint.name for joint in description.path(prefix + hip) if joint.type != "fixed"]
-        if moving:
-            raise DescriptionError(
-                f"the hip of {prefix!r} hangs on the moving joint {moving[0]!r}", file=description.file
-            )
+        if moving := moving_hip(description, prefix + hip):
+            raise DescriptionError(f"the hip of {prefix!r} hangs on the moving joint {moving!r}", file=description.file)
         pose = link_transforms(description, {})[prefix + hip]
         limb = Limb(prefix.strip("_-./: ") or "leg", model, pose, np.zeros(3), mirror, signs, prefix)
         home = limb.to_body(model.foot_position(_home(description, limb)))

@@ -223,7 +223,8 @@ def _units(limb: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def columns(study: GaitStudy) -> dict[str, np.ndarray]:
     """The whole cycle, one array (T,) a column, by its name with its unit in ASCII.
 
-    Feet and forces are in the body frame, and what has `world` in its name, and speeds of feet, over the ground.
+    Feet and forces are in the body frame, and what has `world` in its name, and speeds of feet, over the ground. A
+    vector of the body frame is turned into the world by the body's roll, pitch and yaw, Rz(yaw) Ry(pitch) Rx(roll).
     Coordinates and efforts have the signs of the robot's file. The limit margin of a leg is the least normalised one of
     its limits.
     """
@@ -233,9 +234,11 @@ def columns(study: GaitStudy) -> dict[str, np.ndarray]:
         table[f"com_{axis} [m]"] = study.com[:, k]
     for what, place in (("body", seen.body), ("com", seen.com)):
         table |= {f"{what}_world_{axis} [m]": place[:, k] for k, axis in enumerate("xyz")}
+    angles = np.zeros((study.time.size, 2))
     if study.walk.tilt is not None:
         angles = study.walk.tilt.value(study.time / study.walk.period, study.walk.period)
-        table |= {"roll [rad]": angles[:, 0], "pitch [rad]": angles[:, 1]}
+    # Always: without them nothing of the body frame can be turned into the world.
+    table |= {"roll [rad]": angles[:, 0], "pitch [rad]": angles[:, 1], "yaw [rad]": study.body.yaw}
     for i, motion in enumerate(study.limbs):
         limb, name = motion.limb, motion.limb.name
         table[f"{name}_stance"] = motion.stance.astype(float)

@@ -1,4 +1,4 @@
-"""How a robot walks where nobody says otherwise, and why: gait, times, lengths and body motion by the robot's name."""
+"""How a robot walks where nobody says otherwise, and why: gait, times, lengths and body motion by the robot's legs."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+import numpy as np
+
 from leg_dynamics.analysis import arguments
 from leg_dynamics.analysis.gait.phases import GAITS, PhaseTable, phase_table, swing_order
 from leg_dynamics.analysis.gait.posture import splayed_homes
-from leg_dynamics.analysis.gait.robot import Robot
+from leg_dynamics.analysis.gait.robot import Limb, Robot
 from leg_dynamics.analysis.gait.steadying import margin_bound, steadying_sway
 from leg_dynamics.analysis.gait.study import Choice, plan
 from leg_dynamics.analysis.gait.walk import Sway, Tilt, Walk
+from leg_dynamics.description.places import face_of_foot, module_of_joint
 from leg_dynamics.errors import TrajectoryError
 
 __all__ = ["Settings", "WalkPlan", "plan_walk", "settings_for"]
@@ -90,8 +93,12 @@ class WalkPlan:
 
 
 def settings_for(robot: Robot) -> Settings:
-    """What the robot walks with by default: the creeping gait of Chen 2021 for its quadruped, else a tripod gait."""
-    return _MODULAR_QUADRUPED if _is_modular_quadruped(robot) else Settings()
+    """What the robot walks with by default: the creeping gait of Chen 2021 on four legs of two modules, else a tripod.
+
+    What the robot or its file is called does not matter.
+    """
+    order = _creeping_order(robot)
+    return Settings() if order is None else replace(_MODULAR_QUADRUPED, gait=order)
 
 
 def plan_walk(robot: Robot, **options: Any) -> WalkPlan:
@@ -128,11 +135,25 @@ def plan_walk(robot: Robot, **options: Any) -> WalkPlan:
 
     ahead, left = sway_bounds
     alternatives = {"even motion of the body": even}
-    if ahead and left:
-        alternatives[f"straight ahead, at a speed that changes (sway {ahead:g},0 m)"] = steadied(ahead, 0.0)
-    if own is _MODULAR_QUADRUPED and not isinstance(settings.gait, str):
+    way = _way(even)
+    if ahead and left and way is not None:
+        words, axis = way
+        along = (ahead, 0.0) if axis == 0 else (0.0, left)
+        name = f"{words}, at a speed that changes (sway {along[0]:g},{along[1]:g} m)"
+        alternatives[name] = steadied(*along)
+    if _creeping_order(robot) is not None and not isinstance(settings.gait, str):
         alternatives |= _without_pauses(robot, settings, settings.gait)
     return WalkPlan(steadied(ahead, left), _choices(robot, own, settings, even), alternatives)
+
+
+def _way(walk: Walk) -> tuple[str, int] | None:
+    """How the body goes, in words, and along which of its axes, 0 ahead and 1 to the left; None where along neither."""
+    forward, sideward, turn = walk.twist
+    if bool(forward) == bool(sideward):
+        return None
+    axis, positive = (0, forward > 0.0) if forward else (1, sideward > 0.0)
+    words = ("ahead", "back") if axis == 0 else ("to the left", "to the right")
+    return f"{'along its arc' if turn else 'straight'} {words[0 if positive else 1]}", axis
 
 
 def _table(robot: Robot, settings: Settings) -> PhaseTable:
@@ -164,11 +185,13 @@ def _walk(robot: Robot, settings: Settings, table: PhaseTable, sway: Sway | None
 
 # The modular quadruped of Chen & Dong 2021.
 
-_LEGS = ("I", "II", "III", "IV")
-_ORDER = ("III", "I", "IV", "II")
+_ORDER = ((-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
+"""Legs III, I, IV, II: rear left, front left, rear right, front right; signs of the hips' x and y."""
+
+_COORDINATES = 3
 
 _MODULAR_QUADRUPED = Settings(
-    gait=_ORDER,
+    gait=("III", "I", "IV", "II"),
     group=2,
     period=20.0,
     duty=0.8,
@@ -182,18 +205,42 @@ _MODULAR_QUADRUPED = Settings(
 )
 
 
-def _is_modular_quadruped(robot: Robot) -> bool:
-    return robot.name == "quadruped" and sorted(robot.leg_names) == sorted(_LEGS)
+def _creeping_order(robot: Robot) -> tuple[str, ...] | None:
+    """The legs in the paper's order; None of a robot that has not one leg of two modules at each of four corners."""
+    if len(robot) != len(_ORDER) or not all(_is_of_two_modules(limb) for limb in robot.limbs):
+        return None
+    places = np.array([limb.hip[:2, 3] for limb in robot.limbs])
+    corners = [tuple(signs) for signs in np.sign(places - places.mean(axis=0)).tolist()]
+    if sorted(corners) != sorted(_ORDER):
+        return None
+    return tuple(robot.leg_names[corners.index(corner)] for corner in _ORDER)
 
 
-def _without_pauses(robot: Robot, settings: Settings, order: tuple[str, ...] = _ORDER) -> dict[str, Walk]:
+def _is_of_two_modules(limb: Limb) -> bool:
+    """Whether three joints drive the leg, two of its first module and one of its last, which has the foot."""
+    description = getattr(limb.leg, "description", None)
+    if description is None:
+        return False
+    modules = [module_of_joint(description, name) for name in limb.leg.joint_names]
+    foot = face_of_foot(description, getattr(limb.leg, "foot", None))
+    return (
+        foot is not None
+        and len(modules) == _COORDINATES
+        and None not in modules
+        and modules[0] == modules[1] != modules[2] == foot.module
+    )
+
+
+def _without_pauses(robot: Robot, settings: Settings, order: tuple[str, ...]) -> dict[str, Walk]:
     """The walk as the paper's times have it: each leg lifts off as the one before touches down."""
     table = swing_order(order, robot)
     return {f"duty factor {table.duty:g}, no pauses, even motion": _walk(robot, replace(settings, duty=None), table)}
 
 
 def _bound_without_pauses(robot: Robot, settings: Settings) -> float:
-    return max(margin_bound(walk) for walk in _without_pauses(robot, settings).values())
+    order = _creeping_order(robot)
+    assert order is not None
+    return max(margin_bound(walk) for walk in _without_pauses(robot, settings, order).values())
 
 
 _REASONS: Mapping[str, Callable[[Robot, Settings], str]] = {
@@ -248,7 +295,7 @@ _WORDS = {
 
 def _choices(robot: Robot, own: Settings, settings: Settings, even: Walk) -> tuple[Choice, ...]:
     """Where each parameter comes from; only of a robot whose settings have reasons."""
-    if own is not _MODULAR_QUADRUPED:
+    if _creeping_order(robot) is None:
         return ()
     rows = []
     for each in fields(Settings):

@@ -17,6 +17,7 @@ from leg_dynamics.analysis.gait.robot import Limb, Robot
 from leg_dynamics.analysis.gait.stability import project, support_margin
 from leg_dynamics.analysis.gait.walk import BodyMotion, FootMotion, Sway, Tilt, Twist, Walk
 from leg_dynamics.analysis.trajectories import FootPath, Trajectory
+from leg_dynamics.description.places import face_of_foot, foot_words, joint_words, module_of_joint
 from leg_dynamics.errors import AssemblyError, JointLimitError, RowError, SupportError, TrajectoryError
 
 __all__ = ["LOADS", "Choice", "GaitStudy", "LimbMotion", "Peaks", "instants", "plan", "static_margin", "study"]
@@ -324,7 +325,7 @@ def study(
     ]
     margins = limit_margins(robot, [motion.q for motion in motions])
     if limits == "error":
-        _check_margins(margins, time)
+        _check_margins(robot, margins, time)
     mass, com = robot.centre_of_mass([motion.q for motion in motions])
     # The ground is level; the body need not be.
     level, centre, gravity = body.level(feet.position), body.level(com), body.in_body(_rows(robot.gravity, time))
@@ -397,9 +398,34 @@ def leg_poses(
             poses.append(np.asarray(limb.leg.inverse_kinematics(limb.to_leg(feet[:, i]), branch, limits="ignore")))
         except RowError as error:
             when = float(time[int(error.rows.min())])
-            evidence = dict(error.evidence) | {"leg": limb.name, "time": when}
-            raise type(error)(f"leg {limb.name!r} at t = {when:g} s: {error.message}{hint}", **evidence) from error
+            own, words, place = _foot_place(limb)
+            evidence = dict(error.evidence) | {"leg": limb.name, "time": when} | place
+            what = error.message.removesuffix(own)
+            raise type(error)(f"leg {limb.name!r} at t = {when:g} s: {what}{hint}{words}", **evidence) from error
     return poses
+
+
+def _foot_place(limb: Limb) -> tuple[str, str, dict[str, str]]:
+    """On which module's face a foot is, in a robot of modules: as errors of the leg end, as the robot's do, evidence.
+
+    The robot's file has the names of the leg's file with the limb's prefix.
+    """
+    description = getattr(limb.leg, "description", None)
+    own = None if description is None else face_of_foot(description, getattr(limb.leg, "foot", None))
+    if own is None:
+        return "", "", {}
+    face = own._replace(module=limb.prefix + own.module)
+    return foot_words(own), foot_words(face), {"module": face.module, "face": face.face}
+
+
+def _joint_place(limb: Limb, joint: int) -> tuple[str, dict[str, str | None]]:
+    """Of which module a joint is, likewise, by its number among the leg's coordinates."""
+    description = getattr(limb.leg, "description", None)
+    own = None if description is None else module_of_joint(description, limb.leg.joint_names[joint])
+    if own is None:
+        return "", {}
+    module = limb.prefix + own
+    return joint_words(limb.joint_names[joint], module), {"module": module, "face": None}
 
 
 def _support(
@@ -421,23 +447,29 @@ def _rows(vector: NDArray[np.float64], time: NDArray[np.float64]) -> NDArray[np.
     return np.broadcast_to(vector, (time.size, 3))
 
 
-def _check_margins(margins: Sequence[LimitMargin], time: NDArray[np.float64]) -> None:
+def _check_margins(robot: Robot, margins: Sequence[LimitMargin], time: NDArray[np.float64]) -> None:
     worst = most_broken(margins)
     if worst is None:
         return
+    words, place = "", {}
+    if worst.kind == "joint" and robot.description is not None:
+        joint = worst.name.partition(" ")[0]
+        module = module_of_joint(robot.description, joint)
+        words, place = joint_words(joint, module), {} if module is None else {"module": module, "face": None}
     rows = np.flatnonzero(~(worst.margin >= 0.0))
     k, others = worst.row, sum(not each.holds for each in margins) - 1
     more = f" ({others} more limits are broken too)" if others else ""
     raise JointLimitError(
         f"leg {worst.leg!r} breaks its limit {worst.name!r} ({worst.meaning}) at {rows.size} of {time.size} instants, "
         f"by {-worst.margin[k]:.4g} {worst.unit} at t = {time[k]:g} s{more}; shorten the stride, lower the clearance, "
-        "change the height or tilt of the body, or have limits ignored to see all margins",
+        f"change the height or tilt of the body, or have limits ignored to see all margins{words}",
         rows=rows,
         margin=worst.margin[rows],
         leg=worst.leg,
         limit=worst.name,
         kind=worst.kind,
         time=float(time[k]),
+        **place,
     )
 
 
@@ -466,9 +498,11 @@ def _follow(limb: Limb, time: NDArray[np.float64], foot: FootMotion, branch: str
     try:
         motion = path.to_joint(limb.leg, branch, limits="ignore")
     except RowError as error:
-        evidence = dict(error.evidence) | {"leg": limb.name, "time": float(time[int(error.rows.min())])}
+        own, words, place = _foot_place(limb)
+        evidence = dict(error.evidence) | {"leg": limb.name, "time": float(time[int(error.rows.min())])} | place
         # The path carries the leg's name, but a reader may not know what a foot path is.
-        raise type(error)(f"leg {error.message.removeprefix('foot path ')}", **evidence) from error
+        what = error.message.removeprefix("foot path ").removesuffix(own)
+        raise type(error)(f"leg {what}{words}", **evidence) from error
     _check_mode(limb, path, motion)
     if limits == "error":
         _check_limits(limb, motion)
@@ -477,18 +511,20 @@ def _follow(limb: Limb, time: NDArray[np.float64], foot: FootMotion, branch: str
 
 def _check_mode(limb: Limb, path: FootPath, motion: Trajectory) -> None:
     time, q, v, a = motion.time, motion.q, motion.v, motion.a
+    _, words, place = _foot_place(limb)
     missed = np.linalg.norm(np.asarray(limb.leg.foot_position(q)) - path.position, axis=-1)
     rows = np.flatnonzero(~(missed <= _SAME_FOOT))
     if rows.size:
         k = int(rows[0])
         raise AssemblyError(
             f"leg {limb.name!r} at t = {time[k]:g} s: the pose that the inverse kinematics gives is in another "
-            f"assembly mode than the leg's own: its foot would be {missed[k]:.3g} m away; choose another branch",
+            f"assembly mode than the leg's own: its foot would be {missed[k]:.3g} m away; choose another branch{words}",
             rows=rows,
             margin=_SAME_FOOT - missed[rows],
             residual=missed[rows],
             leg=limb.name,
             time=float(time[k]),
+            **place,
         )
     sense = np.sign(np.linalg.det(np.asarray(limb.leg.jacobian(q))))
     h = np.diff(time)[:, None]
@@ -502,11 +538,12 @@ def _check_mode(limb: Limb, path: FootPath, motion: Trajectory) -> None:
         raise AssemblyError(
             f"leg {limb.name!r} changes its assembly mode between t = {time[k - 1]:g} s and {time[k]:g} s: the joints "
             f"jump by {jump[k - 1]:.3g}, against {allowed[k - 1]:.3g} that their rates allow; keep the foot away from "
-            "the singular pose between both modes, choose another branch, or take more samples",
+            f"the singular pose between both modes, choose another branch, or take more samples{words}",
             rows=rows,
             margin=(allowed - jump)[rows - 1],
             leg=limb.name,
             time=float(time[k]),
+            **place,
         )
 
 
@@ -517,12 +554,14 @@ def _check_limits(limb: Limb, motion: Trajectory) -> None:
         row = int(error.rows[0])
         q, limits = motion.q[row], limb.leg.limits
         joint = int(np.minimum(q - np.asarray(limits.lower), np.asarray(limits.upper) - q).argmin())
+        words, place = _joint_place(limb, joint)
         evidence = dict(error.evidence) | {
             "leg": limb.name,
             "joint": limb.joint_names[joint],
             "time": float(motion.time[row]),
+            **place,
         }
-        raise JointLimitError(f"leg {error.message.removeprefix('trajectory ')}", **evidence) from None
+        raise JointLimitError(f"leg {error.message.removeprefix('trajectory ')}{words}", **evidence) from None
 
 
 def _units(limb: Limb) -> tuple[str, ...]:
@@ -554,7 +593,9 @@ def _loads(
             margin = support_margin(feet[..., :2], stance, point)
             moved = np.abs(pull[k, :2]).max() > 1e-9 * abs(pull[k, 2])
             why = "their forces do not balance" if friction is None else f"friction of {friction:g} does not hold it"
-            if margin[k] <= 0.0:
+            if not stance[k].any():
+                why = "no foot stands"
+            elif margin[k] <= 0.0:
                 what = "zero-moment point" if moved else "centre of mass"
                 why = f"the {what} is {-margin[k]:.4g} m outside their support polygon"
             raise SupportError(

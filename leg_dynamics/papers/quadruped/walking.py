@@ -25,6 +25,7 @@ __all__ = [
     "CLEARANCE",
     "DUTY",
     "EDGE",
+    "HARMONICS",
     "NEUTRAL",
     "PERIOD",
     "SWAYED_DUTY",
@@ -39,6 +40,7 @@ __all__ = [
     "numberings",
     "places_of",
     "robot_of",
+    "sampled_bounds",
     "studied",
     "swaying",
     "walk_of",
@@ -198,12 +200,32 @@ def numberings(context: Context) -> tuple[Numbering, ...]:
 # ---------------------------------------------------------------------- sway
 
 
+def sampled_bounds(walk: Walk, bound: tuple[float, float]) -> tuple[tuple[float, float], float]:
+    """What a sway has to keep at `instants`, so that it is within `bound` and the body never goes back between them.
+
+    Returns
+    -------
+    tuple of two floats
+        Greatest sway ahead and to the left, m.
+    float
+        Least speed ahead, m/s.
+    """
+    # A sum of K waves is nowhere greater than at even samples over this cosine (Ehlich & Zeller 1964).
+    between = float(np.cos(np.pi * HARMONICS / SAMPLES))
+    # Between samples h apart a curve is at most h^2/8 of its greatest second derivative below their chord, and the
+    # derivative of a sum of K waves is at most K w times the sum itself (Bernstein): of a sway within S, the second
+    # derivative of the rate is at most (K w)^3 S. No sway at all keeps the whole speed, so more is never asked for.
+    fastest = 2.0 * np.pi * HARMONICS / walk.period
+    least = min((walk.period / SAMPLES) ** 2 / 8.0 * fastest**3 * bound[0], walk.twist.forward)
+    return (between * bound[0], between * bound[1]), least
+
+
 def best_sway(walk: Walk, bound: tuple[float, float], com: Array | None = None) -> tuple[float, Sway]:
     """The sway ahead and sideways that makes the least stability margin of a walk as great as it can be.
 
     A linear programme: the margin is the least distance of the centre of mass to the edges of the standing feet, and
     each distance is linear in the sway's coefficients. The body never moves back. Of equal margins the smaller sway is
-    taken.
+    taken. The margin counts at `instants`; sway and speed keep their bounds between them too.
 
     Parameters
     ----------
@@ -242,12 +264,13 @@ def best_sway(walk: Walk, bound: tuple[float, float], com: Array | None = None) 
         rows += list(np.hstack([side * waves, none, 0.0 * one, -one, 0.0 * one]))
         rows += list(np.hstack([none, side * waves, 0.0 * one, 0.0 * one, -one]))
         limits += [0.0] * 2 * len(time)
+    most, least = sampled_bounds(walk, bound)
     rows += list(np.hstack([-rates, none, np.tile(0.0 * one, 3)]))
-    limits += [walk.twist.forward] * len(time)
+    limits += [walk.twist.forward - least] * len(time)
     unknowns = 4 * HARMONICS + 3
     aim = np.zeros(unknowns)
     aim[-3:] = -1.0, 1e-3, 1e-3
-    bounds = [(None, None)] * (unknowns - 2) + [(0.0, most) for most in bound]
+    bounds = [(None, None)] * (unknowns - 2) + [(0.0, each) for each in most]
     solved = linprog(aim, np.array(rows), limits, bounds=bounds, method="highs")
     ahead, left = solved.x[: 2 * HARMONICS], solved.x[2 * HARMONICS : 4 * HARMONICS]
     still = np.zeros(HARMONICS)
