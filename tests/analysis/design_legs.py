@@ -70,6 +70,18 @@ def cartesian(folder, route="symbolic"):
     return ld.load(_source(folder, "cartesian", parameters, body), route=route, foot="foot")
 
 
+def weighed(folder, mass, length):
+    """One hinge with a rod of any mass (kg) and length (m), texts of `p.size.value` and `p.weight.value`; and 1 kg."""
+    parameters = {"size": (0.4, "m"), "weight": (2.0, "kg")}
+    body = _joint("hinge", "revolute", "base", "a", "0 1 0", -1.0, 1.0) + (
+        f'<xacro:property name="m" value="${{{mass}}}"/><xacro:property name="l" value="${{{length}}}"/>'
+        '<link name="rod"><inertial><origin xyz="0.1 0 ${l/2}"/><mass value="${m}"/><inertia ixx="${m*l**2/12}" '
+        'iyy="${m*l**2/12}" izz="${m*l**2/100}" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="hold" '
+        'type="fixed"><parent link="a"/><child link="rod"/></joint>'
+    )
+    return ld.load(_source(folder, "weighed", parameters, body), route="symbolic", foot="rod")
+
+
 def least_height(leg):
     """Least z of the strut directions' ends at home: any function of a leg."""
     home = leg.description.home.values

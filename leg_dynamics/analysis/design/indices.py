@@ -14,7 +14,7 @@ import numpy as np
 
 from leg_dynamics.analysis.design.poses import OnePose
 from leg_dynamics.analysis.workspace.sampling import sobol_sequence
-from leg_dynamics.analysis.workspace.step import no_step, with_home
+from leg_dynamics.analysis.workspace.step import home_inside, no_step, with_home
 
 __all__ = ["DEXTERITY", "STEP", "Sampler", "dexterity_indices", "half_widths", "step_indices"]
 
@@ -140,11 +140,12 @@ def step_indices(one: OnePose, box: np.ndarray, sign: float, down: float) -> dic
     WorkspaceError
         The home position is not feasible: no step starts there.
     """
-    if not _inside(one.feet(one.home[None]), sign)[0]:
+    home = home_inside(lambda point: bool(_inside(one.feet(point[None]), sign)[0]), one.home, box[0], box[1])
+    if home is None:
         raise no_step(one.home, *one.active_at(one.home))
-    lower, upper = with_home(box[0], box[1], one.home)
+    lower, upper = with_home(box[0], box[1], home)
     pad = 0.05 * (upper - lower) + 1e-3
-    plane = _Plane(one, sign, down, lower - pad, upper + pad)
+    plane = _Plane(one, home, sign, down, lower - pad, upper + pad)
     back, front = plane.lift(-1.0), plane.lift(1.0)
     return {"L": plane.chord(), "Z": back, "Z_b": back, "Z_f": front}
 
@@ -152,9 +153,11 @@ def step_indices(one: OnePose, box: np.ndarray, sign: float, down: float) -> dic
 class _Plane:
     """The x-z plane through home."""
 
-    def __init__(self, one: OnePose, sign: float, down: float, lower: np.ndarray, upper: np.ndarray) -> None:
+    def __init__(
+        self, one: OnePose, home: np.ndarray, sign: float, down: float, lower: np.ndarray, upper: np.ndarray
+    ) -> None:
         self.one, self.sign, self.down, self.lower, self.upper = one, sign, down, lower, upper
-        self.x0, self.y0, self.h = (float(value) for value in one.home)
+        self.x0, self.y0, self.h = (float(value) for value in home)
 
     def feasible(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
         x, z = np.broadcast_arrays(x, z)

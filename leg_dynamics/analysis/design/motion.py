@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from leg_dynamics.analysis.design.numbers import read
+from leg_dynamics.analysis.design.inertia import Inertia
 from leg_dynamics.analysis.design.poses import Family, OnePose
 
 if TYPE_CHECKING:
     from leg_dynamics.analysis.trajectories import FootPath
     from leg_dynamics.leg import Leg
 
-__all__ = ["MOTION", "gait_path", "motion_indices", "moving_mass"]
+__all__ = ["MOTION", "gait_path", "motion_indices"]
 
 MOTION = ("peak_force", "peak_speed", "peak_power")
 
@@ -60,7 +60,7 @@ def gait_path(
 
 
 def motion_indices(
-    designs: Any, one: OnePose, design: Mapping[str, float], path: FootPath, sign: float, *, forces: bool
+    designs: Any, one: OnePose, path: FootPath, sign: float, inertia: Callable[[], Inertia] | None
 ) -> dict[str, float]:
     """Peaks over all actuators and samples.
 
@@ -70,20 +70,20 @@ def motion_indices(
         Where `one` is from.
     one : OnePose
         With three coordinates.
-    design : mapping of str to float
     path : FootPath
     sign : float
         Of det J.
-    forces : bool
-        Whether forces and power are asked for: they need the design's masses, hence its rendered file.
+    inertia : callable or None
+        Gives the design's masses, which forces and power need; called only if the path is in the workspace. None
+        where neither is asked for.
 
     Returns
     -------
     dict of str to float
-        ``peak_speed`` (m/s or rad/s) and, with `forces`, ``peak_force`` (N or N·m) and ``peak_power`` (W, of one
+        ``peak_speed`` (m/s or rad/s) and, with `inertia`, ``peak_force`` (N or N·m) and ``peak_power`` (W, of one
         actuator); NaN where the path leaves the workspace.
     """
-    names = MOTION if forces else ("peak_speed",)
+    names = ("peak_speed",) if inertia is None else MOTION
     rows = one.feet(np.ascontiguousarray(path.position))
     good = (rows[:, 0] >= 0.0) & ((rows[:, 2] * sign > 0.0) if sign else True)
     if not good.all():
@@ -93,9 +93,8 @@ def motion_indices(
     backend: Any = leg.backend
     if isinstance(designs, Family):
         kinematic = tuple(name.removeprefix("route ") for name in designs.numbers.names if name.startswith("route "))
-        values = designs.numbers(design)[
-            [k for k, name in enumerate(designs.numbers.names) if name.startswith("route ")]
-        ]
+        known = dict(zip(designs.numbers.names, one.numbers.tolist(), strict=True))  # type: ignore[attr-defined]
+        values = np.array([known[f"route {name}"] for name in kinematic])
         J = backend.kernel("foot_jacobian", kinematic).ufunc(q, values)
     else:
         J = leg.jacobian(q)
@@ -103,11 +102,11 @@ def motion_indices(
     order = [leg.joint_names.index(name) for name in backend.actuator_joints]
     speed = v[:, order]
     found = {"peak_speed": float(np.abs(speed).max())}
-    if not forces:
+    if inertia is None:
         return found
     force = np.zeros(3) if path.foot_force is None else path.foot_force
     if isinstance(designs, Family):
-        own = backend.numbers_of(read(leg, design))
+        own = inertia().numbers | dict(zip(kinematic, values.tolist(), strict=True))
         every = tuple(own)
         dJ = backend.kernel("foot_jacobian_derivative", kinematic).ufunc(q, v, values)
         a = _acceleration(J, dJ, v, path.acceleration)
@@ -124,14 +123,3 @@ def motion_indices(
 def _acceleration(J: np.ndarray, dJ: np.ndarray, v: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
     missing = acceleration - np.einsum("nij,nj->ni", dJ, v)
     return np.linalg.solve(J, missing[..., None])[..., 0]
-
-
-def moving_mass(leg: Leg, design: Mapping[str, float]) -> float:
-    """Mass of everything that moves with the leg's joints, kg."""
-    description = read(leg, design)
-    moving = (
-        link.inertial.mass
-        for link in description.links
-        if link.inertial is not None and any(joint.type != "fixed" for joint in description.path(link.name))
-    )
-    return math.fsum(moving)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from leg_dynamics.analysis.design.graphs import PoseKernels
-from leg_dynamics.analysis.design.numbers import NumberMap, build
+from leg_dynamics.analysis.design.numbers import NumberMap, build, read
 from leg_dynamics.analysis.dexterity import column_scales, home_coordinates
 from leg_dynamics.analysis.workspace import FootEvaluator, PoseEvaluator, Poses
 from leg_dynamics.analysis.workspace.poses import ASSEMBLY, NAMES, SINGULAR
@@ -18,6 +18,7 @@ from leg_dynamics.description.parameters import Bound, parameter_bounds
 from leg_dynamics.errors import LegDynamicsError, WorkspaceError
 
 if TYPE_CHECKING:
+    from leg_dynamics.description.model import Description
     from leg_dynamics.leg import Leg
 
 __all__ = ["Designs", "Family", "OnePose", "Singles", "sign_of"]
@@ -52,6 +53,10 @@ class OnePose(Protocol):
 
     def leg(self) -> Leg:
         """The design as a leg of its own; made when first asked for."""
+        ...
+
+    def description(self) -> Description:
+        """The design's file as it is read; rendered when first asked for."""
         ...
 
 
@@ -191,6 +196,13 @@ class _OfFamily:
     def leg(self) -> Leg:
         return self._leg
 
+    @functools.cached_property
+    def _description(self) -> Description:
+        return self._leg.description if "_leg" in self.__dict__ else read(self.family.base, self.design)
+
+    def description(self) -> Description:
+        return self._description
+
 
 class Singles:
     """Each design by its own leg: any route, any mechanism, and any way in which parameters act.
@@ -247,6 +259,9 @@ class _OfSingle:
 
     def leg(self) -> Leg:
         return self._leg
+
+    def description(self) -> Description:
+        return self._leg.description
 
 
 def _bounds(leg: Leg) -> tuple[Bound, ...]:

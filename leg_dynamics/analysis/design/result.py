@@ -212,6 +212,7 @@ class StudyResult:
             "units": self.study.columns,
             "objectives": {each.name: each.meaning for each in self.study.objectives},
             "evaluation": "one kernel for all designs" if plan.numbers is not None else f"single: {plan.why_single}",
+            "masses": plan.masses,
             "samples_a_design": plan.resolution.samples,
             "half_widths": plan.resolution.half_widths,
             "resolution": plan.resolution.justification if plan.resolution.samples and self.any_possible else "",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
+import re
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -237,6 +238,9 @@ def _on_dask(plan: Plan, scheduler: str) -> Iterator[_Compute]:
             "a Dask scheduler needs the package distributed: pip install 'leg-dynamics[dask]', or leave the scheduler "
             "out"
         ) from None
+    # A client that does not understand its address is half made, and complains once more when it is thrown away.
+    if not re.fullmatch(r"([a-z]+://)?[^\s/:]+:\d+", scheduler):
+        raise StudyError(f"a Dask scheduler's address is like tcp://127.0.0.1:8786, got {scheduler!r}")
     digest, payload = plan.study.digest(), pickle.dumps(plan)
     try:
         client = Client(scheduler, timeout=PATIENCE, set_as_default=False)

@@ -148,6 +148,7 @@ class Folder:
             {
                 "evaluation": how,
                 "checked_renderings": 0 if plan.numbers is None else plan.numbers.checked,
+                "masses": plan.masses,
                 "samples_a_design": plan.resolution.samples,
                 "half_widths": plan.resolution.half_widths,
                 "resolution": plan.resolution.justification if plan.resolution.samples else "",

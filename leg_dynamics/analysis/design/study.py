@@ -19,10 +19,11 @@ from leg_dynamics.analysis.design.indices import (
     half_widths,
     step_indices,
 )
-from leg_dynamics.analysis.design.motion import MOTION, motion_indices, moving_mass
-from leg_dynamics.analysis.design.numbers import NumberMap, build, learn
+from leg_dynamics.analysis.design.inertia import Inertia, InertiaMap, inertia_of, learn_inertia
+from leg_dynamics.analysis.design.motion import MOTION, motion_indices
+from leg_dynamics.analysis.design.numbers import NumberMap, learn
 from leg_dynamics.analysis.design.objectives import DEFAULT, Objective, objectives_of
-from leg_dynamics.analysis.design.poses import Designs, Family, Singles, reason, sign_of
+from leg_dynamics.analysis.design.poses import Designs, Family, OnePose, Singles, reason, sign_of
 from leg_dynamics.analysis.design.ranges import Filter, Range, check_names, sampled, swept
 from leg_dynamics.analysis.workspace.constraints import constraints_of
 from leg_dynamics.errors import LegDynamicsError, LegDynamicsWarning, ParameterError, StudyError
@@ -38,6 +39,9 @@ TOLERANCE = 0.03
 
 _FIRST, _LAST, _LAST_SINGLE = 10, 17, 13
 """Powers of two: samples of a design, from and to."""
+
+_FORCES = frozenset({"peak_force", "peak_power"})
+"""Objectives that need all numbers of a design, not only those of its kinematics."""
 
 _TRIES = 20
 _PILOTS, _LEAST_PILOT = 4, 0.2
@@ -265,6 +269,10 @@ class Plan:
     sign : float
         Of det J of the poses that count.
     resolution : Resolution
+    inertia : InertiaMap or None
+        None where no objective needs masses, or where each design that they are asked of is rendered: `why_rendered`
+        says why.
+    why_rendered : str
     """
 
     study: Study
@@ -272,6 +280,8 @@ class Plan:
     why_single: str
     sign: float
     resolution: Resolution
+    inertia: InertiaMap | None = None
+    why_rendered: str = ""
 
     @staticmethod
     def of(study: Study, say: Callable[[str, float], None] | None = None) -> Plan:
@@ -284,10 +294,34 @@ class Plan:
         found, why = (None, numbers) if isinstance(numbers, str) else (numbers, "")
         sign = sign_of(study.leg, study.ignore)
         draft = Plan(study, found, why, sign, Resolution(0, {}, 0, study.tolerance))
+        draft = draft._with_inertia(say)
         say("resolution", 0.0)
         if not any(each.name in (*DEXTERITY, *STEP) for each in study.objectives):
             return draft
         return replace(draft, resolution=_resolution(study, draft.designs(), sign, single=found is None))
+
+    @property
+    def masses(self) -> str:
+        """Where the masses of designs come from, in words; empty where no objective needs them."""
+        if self.inertia is None:
+            return self.why_rendered and f"each design rendered: {self.why_rendered}"
+        terms, rendered = len(self.inertia.terms), self.inertia.rendered
+        return f"learnt from {rendered} renderings (terms: {terms}), {self.inertia.checked} more agree"
+
+    def _with_inertia(self, say: Callable[[str, float], None]) -> Plan:
+        study, numbers = self.study, self.numbers
+        wanted = {each.name for each in study.objectives}
+        if not wanted & {*_FORCES, "mass"}:
+            return self
+        if numbers is None:
+            return replace(self, why_rendered=self.why_single)
+        say("how the parameters act on masses", 0.0)
+        kinematic = [name.removeprefix("route ") for name in numbers.names if name.startswith("route ")]
+        designs = sum(len(stage) for stage in study.stages)
+        found = learn_inertia(
+            study.leg, study.varied, kinematic, designs, study.seed, forces=not wanted.isdisjoint(_FORCES)
+        )
+        return replace(self, why_rendered=found) if isinstance(found, str) else replace(self, inertia=found)
 
     def designs(self) -> Designs:
         """Where poses come from."""
@@ -422,20 +456,35 @@ class Evaluator:
             return ""
         path = self.study.path
         if path is not None and wanted & set(MOTION):
-            forces = bool(wanted & {"peak_force", "peak_power"})
-            moved = motion_indices(self.designs, one, design, path, self.plan.sign, forces=forces)
+            inertia = self._inertia(design, one) if wanted & _FORCES else None
+            moved = motion_indices(self.designs, one, path, self.plan.sign, inertia)
             values.update({name: value for name, value in moved.items() if name in wanted})
             known += [name for name in moved if name in wanted]
             if not self._passes(design, values, known):
                 return ""
         if "mass" in wanted:
-            values["mass"] = moving_mass(self.study.leg, design)
+            values["mass"] = self._inertia(design, one)().mass
             known.append("mass")
         for each in self.study.objectives:
             if each.function is not None and self._passes(design, values, known):
-                values[each.name] = _own(each, build(self.study.leg, design))
+                values[each.name] = _own(each, one.leg())
                 known.append(each.name)
         return ""
+
+    def _inertia(self, design: Mapping[str, float], one: OnePose) -> Callable[[], Inertia]:
+        """Masses of a design when called for: by the map, else from its file, rendered once for all objectives."""
+
+        def found() -> Inertia:
+            learnt = None if self.plan.inertia is None else self.plan.inertia(design)
+            if learnt is not None:
+                return learnt
+            # only the forces of a family take numbers; another design has a leg of its own
+            forces = self.plan.numbers is not None and not _FORCES.isdisjoint(
+                each.name for each in self.study.objectives
+            )
+            return inertia_of(self.study.leg, one.description(), forces=forces)
+
+        return found
 
 
 def _own(objective: Objective, leg: Leg) -> float:
