@@ -7,7 +7,7 @@ a program need not parse the sentence.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -135,6 +135,25 @@ class MissingFootError(LegDynamicsError, ValueError):
 
 class ActuationError(LegDynamicsError, ValueError):
     """The actuators do not determine the requested torques."""
+
+    @classmethod
+    def of_counts(cls, name: str, independent: Sequence[str], actuated: Sequence[str]) -> ActuationError:
+        """The error of a mechanism with more or fewer actuated joints than independent ones, by their names."""
+        motions, actuators = len(independent), len(actuated)
+        kind = "redundantly actuated" if actuators > motions else "under-actuated"
+        free = [joint for joint in independent if joint not in actuated]
+        motors = [joint for joint in actuated if joint not in independent]
+        which = ""
+        if actuators < motions:
+            which = f"; no actuator is on {', '.join(free)}"
+        elif motors:
+            which = f"; {', '.join(motors)} move with the independent joints and are driven as well"
+        return cls(
+            f"{name} has {motions} independent motions and {actuators} actuators: it is {kind} and the efforts are not "
+            f"unique; use generalized_force, which always is{which}",
+            motions=motions,
+            actuators=actuators,
+        )
 
 
 class ShapeError(LegDynamicsError, ValueError):

@@ -818,13 +818,7 @@ class Mechanism:
             return generalized
         transfer = state.G[self.actuated].T
         if transfer.shape[1] != self.n:
-            kind = "redundantly actuated" if transfer.shape[1] > self.n else "under-actuated"
-            raise ActuationError(
-                f"{self.description.name!r} has {self.n} independent motions and {transfer.shape[1]} actuators: it "
-                f"is {kind} and the efforts are not unique; use generalized_force, which always is",
-                motions=self.n,
-                actuators=transfer.shape[1],
-            )
+            raise ActuationError.of_counts(repr(self.description.name), self.joint_names, self.actuator_joints)
         scaled = transfer * self._unit[:, None] / self.closure.coordinate_unit[self.actuated]
         sigma = np.linalg.svd(scaled, compute_uv=False)
         if not sigma[-1] > RANK_TOLERANCE * max(1.0, sigma[0]):

@@ -549,13 +549,7 @@ class Graphs:
         if sorted(model.actuated) == sorted(independent):
             return [generalized[independent.index(name)] for name in model.actuated]
         if len(model.actuated) != model.n:
-            kind = "redundantly actuated" if len(model.actuated) > model.n else "under-actuated"
-            raise ActuationError(
-                f"the mechanism has {model.n} independent motions and {len(model.actuated)} actuators: it is {kind} "
-                "and the efforts are not unique; use generalized_force, which always is",
-                motions=model.n,
-                actuators=len(model.actuated),
-            )
+            raise ActuationError.of_counts("the mechanism", independent, model.actuated)
         transfer = self._transfer(build.state)
         sampled = self._sampled_transfer()
         # Work balance: sum over actuators of transfer[actuator][k] effort = force[k].
