@@ -414,6 +414,19 @@ class Mechanism:
             return None
         return self.complete(state)
 
+    def neighbour(self, start: ClosedState, y: np.ndarray, halvings: int = 2) -> ClosedState | None:
+        """The closed pose at y (n,) not far from another one of the mode; None where a few steps do not reach it.
+
+        Where it fails it is much quicker than `follow`, which goes on to find out where the mode ends.
+        """
+        if self._is_open:
+            return self.close(y)
+        state = self.advance(start, y) if self.distance(y - start.y) <= CONTINUATION_STEP else None
+        if state is None and halvings > 0:
+            middle = self.neighbour(start, 0.5 * (start.y + y), halvings - 1)
+            return None if middle is None else self.neighbour(middle, y, halvings - 1)
+        return None if state is None else self._settled(state)
+
     def follow(self, start: ClosedState, y: np.ndarray) -> ClosedState:
         """Continuation along the straight line in y from a closed pose, halving the step where Newton strays.
 

@@ -476,12 +476,12 @@ class PinocchioRoute:
         found: list[tuple[int, np.ndarray, np.ndarray]] = []
         for number, end in enumerate(ends):
             count = int(np.ceil(mechanism.distance(end - home.y) / LARGEST_JOINT_STEP)) or 1
-            J = home_J
+            J, state = home_J, home
             for step in range(1, count + 1):
-                try:
-                    state = mechanism.close(home.y + step / count * (end - home.y))
-                except (AssemblyError, SingularityError):
+                reached = mechanism.neighbour(state, home.y + step / count * (end - home.y))
+                if reached is None:
                     break
+                state = reached
                 before, J = J, mechanism.foot_jacobian(state)
                 if sided and _crosses_singularity(before, J):
                     break
@@ -541,9 +541,8 @@ class PinocchioRoute:
                 break
             if largest > LARGEST_JOINT_STEP:
                 step *= LARGEST_JOINT_STEP / largest
-            try:
-                candidate = mechanism.close(state.y + step)
-            except (AssemblyError, SingularityError):
+            candidate = mechanism.neighbour(state, state.y + step)
+            if candidate is None:
                 damping, rejected = min(10.0 * damping, 1e3), rejected + 1
                 continue
             new_error = p - mechanism.foot_position(candidate)
