@@ -26,6 +26,7 @@ from leg_dynamics.errors import (
     CrosscheckError,
     DescriptionError,
     FormulaAssumptionError,
+    JointLimitError,
     LegDynamicsError,
     LegDynamicsWarning,
     MissingFootError,
@@ -1186,14 +1187,19 @@ def _trajectory(
     if choice in names:
         motion = names[choice](duration, FULL_RATE if rate is None else rate)
         if not ignore_limits:
-            motion.check_limits(leg.limits, leg.joint_names, leg.units.joints)
+            motion.check_limits_of(leg)
         return motion
     # pathlib reads an empty text as the current folder, which exists.
     if not (choice and (choice.lower().endswith(".csv") or Path(choice).exists())):
         raise TrajectoryError(f"there is neither a trajectory nor a file {choice!r} ({known})")
     if duration is not None or rate is not None:
         raise typer.BadParameter("--duration and --rate go with a named trajectory; a file brings its own times")
-    return from_csv(choice, leg, limits="ignore" if ignore_limits else "error")
+    from leg_dynamics.description.places import with_place
+
+    try:
+        return from_csv(choice, leg, limits="ignore" if ignore_limits else "error")
+    except JointLimitError as error:
+        raise with_place(leg.description, None, error) from None
 
 
 def _preview_motion(

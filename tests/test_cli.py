@@ -1035,3 +1035,13 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch):
 def test_the_package_is_the_command():
     result = subprocess.run([sys.executable, "-m", "leg_dynamics", "list"], capture_output=True, text=True, check=True)
     assert "omnileg" in result.stdout
+
+
+def test_limits_along_a_file_name_the_module(tmp_path):
+    file = tmp_path / "motion.csv"
+    rows = "\n".join(f"{t},0,-0.5,{-0.5 - 0.1 * t}" for t in range(12))
+    file.write_text(f"time [s],theta1 [rad],theta2 [rad],theta3 [rad]\n{rows}\n")
+    refused = run("torque", "quadruped_leg", "--trajectory", file)
+    assert refused.code == 2
+    assert "theta3 is a joint of module 'm01'" in refused.err
+    assert refused.err.count("module") == 1

@@ -76,9 +76,10 @@ def with_place(description: Description, foot: str | None, error: _Error) -> _Er
     Returns
     -------
     RowError
-        The same error where it is not about a pose, or the mechanism is not assembled from modules.
+        The same error where it is not about a pose, names a module already, or the mechanism is not assembled from
+        modules.
     """
-    if not isinstance(error, _OfPoses):
+    if not isinstance(error, _OfPoses) or "module" in error.evidence:
         return error
     joint = error.evidence.get("joint")
     if joint is not None:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import leg_dynamics as ld
 from leg_dynamics.analysis import trajectories
 from leg_dynamics.analysis.trajectories import Trajectory, force_during, named, omnileg_eq52, sample_times
 from leg_dynamics.errors import JointLimitError, NonFiniteError, ShapeError, TrajectoryError
@@ -189,3 +190,23 @@ def test_a_new_leg_is_a_new_file(tmp_path, monkeypatch):
 def test_repr_says_what_it_is():
     assert repr(omnileg_eq52(1.0, 10.0)) == "<Trajectory 'eq52': 11 samples of 3 coordinates, 0 to 1 s>"
     assert "force on the foot" in repr(omnileg_eq52(1.0, 10.0).with_foot_force((0.0, 0.0, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("leg", "place", "words", "module"),
+    [
+        ("quadruped_leg", 2, "(theta3 is a joint of module 'm01')", "m01"),
+        ("omnileg", 0, "have the limits ignored", None),
+    ],
+)
+def test_limits_of_a_leg_name_the_module_where_there_is_one(leg, place, words, module):
+    model = ld.load(leg)
+    q = np.zeros((3, 3))
+    q[:, 2] = 0.5 if leg == "omnileg" else -0.5
+    q[1, place] = -1.3
+    motion = Trajectory(np.arange(3.0), q, 0.0 * q, 0.0 * q)
+    with pytest.raises(JointLimitError) as raised:
+        motion.check_limits_of(model)
+    assert str(raised.value).endswith(words)
+    assert raised.value.joint == model.joint_names[place]
+    assert raised.value.evidence.get("module") == module

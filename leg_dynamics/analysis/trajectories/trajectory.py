@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from leg_dynamics.analysis import arguments
 from leg_dynamics.errors import JointLimitError, NonFiniteError, ShapeError, TrajectoryError
+
+if TYPE_CHECKING:
+    from leg_dynamics.leg import Leg
 
 __all__ = ["Trajectory", "force_during", "sample_times"]
 
@@ -138,7 +141,17 @@ class Trajectory:
             f"{-margin[row, joint]:.3g} {units[joint]}; shorten or shrink the motion, or have the limits ignored",
             rows=rows,
             margin=worst[rows],
+            joint=joint_names[joint],
         )
+
+    def check_limits_of(self, leg: Leg) -> None:
+        """As `check_limits`; where the leg is assembled from modules, the error names the joint's module too."""
+        from leg_dynamics.description.places import with_place
+
+        try:
+            self.check_limits(leg.limits, leg.joint_names, leg.units.joints)
+        except JointLimitError as error:
+            raise with_place(leg.description, None, error) from None
 
 
 def force_during(time: ArrayLike, force: ArrayLike, start: float, end: float) -> NDArray[np.float64]:
