@@ -303,20 +303,6 @@ def test_dask_is_not_installed(monkeypatch):
         run(make(5), scheduler="tcp://127.0.0.1:8786")
 
 
-def test_rate_of_poses():
-    """Two million poses a second and core, by CPU time: what the machine does besides does not count."""
-    plan = Plan.of(make(5))
-    one = plan.designs().at({"a": 0.15})
-    q = one.lower + (one.upper - one.lower) * np.random.default_rng(0).random((8192, 3))
-    rates = []
-    for _ in range(5):
-        start = time.thread_time()
-        for _ in range(20):
-            one.poses(q)
-        rates.append(20 * len(q) / (time.thread_time() - start))
-    assert max(rates) > 2e6
-
-
 @pytest.mark.slow
 def test_single_legs_in_workers(tmp_path):
     study = Study(design_legs.planar(tmp_path), (Stage((Range("l1", 0.3, 0.5),), 2),), objectives=("V",), chunk=1)
