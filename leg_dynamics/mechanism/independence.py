@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.linalg
 
+from leg_dynamics.mechanism.assembly import configuration_coordinates
 from leg_dynamics.mechanism.mechanism import Mechanism
 from leg_dynamics.mechanism.mobility import pose_rank, project
 
@@ -53,7 +54,8 @@ def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] 
     driven = {transmission.joint for transmission in description.transmissions}
     driven.update(joint.name for joint in description.joints if joint.type == "floating")
     names = mechanism.tree.joint_names
-    mimicking = [k for k, name in enumerate(names) if _mimics(description, name)]
+    followers = {joint.name for joint in description.joints if joint.mimic is not None}
+    mimicking = [k for k, name in enumerate(names) if name in followers]
     active = [k for k, name in enumerate(names) if name in driven and k not in mimicking]
     passive = [k for k in range(len(names)) if k not in active and k not in mimicking]
     best: list[int] = []
@@ -68,15 +70,9 @@ def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] 
     return tuple(name for k, name in enumerate(names) if k not in best)
 
 
-def _mimics(description: Description, name: str) -> bool:
-    joints = {joint.name: joint for joint in description.joints}
-    return name in joints and joints[name].mimic is not None
-
-
 def _closed_poses(mechanism: Mechanism, generator: np.random.Generator) -> list[np.ndarray]:
     home = mechanism.description.home
-    values = {} if home is None else home.values
-    start = np.array([values.get(name, 0.0) for name in mechanism.tree.joint_names])
+    start = configuration_coordinates(mechanism, {} if home is None else dict(home.values))
     unit = mechanism.closure.coordinate_unit
     lower, upper = mechanism.search_box()
     found: list[np.ndarray] = []

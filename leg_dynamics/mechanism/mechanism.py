@@ -332,7 +332,10 @@ class Mechanism:
         return not self.closure.points_the_same_way(self._workspace.memory.rows())
 
     def directed_residual(self, q: np.ndarray) -> np.ndarray:
-        """Residual at tree coordinates q (nv,) that is not zero either where a pair is closed onto its mirror image."""
+        """Residual at tree coordinates q (nv,) that is not zero either where a pair is closed onto its mirror image.
+
+        Dimensionless: the rows of `ClosureRows`, then three for each direction that a closed loop brings together.
+        """
         residual = self.evaluate(q).residual
         return np.concatenate([residual, self.closure.directions(self._workspace.memory.rows()).ravel()])
 
