@@ -194,8 +194,11 @@ class FileReader:
         return tuple(bodies)
 
     def drive_inertia(self, joints: tuple[str, ...]) -> tuple[float, ...]:
-        """Rotor inertia felt at each of the driven joints, kg·m² or kg."""
-        felt = dict.fromkeys(joints, 0.0)
+        """Rotor inertia and armature felt at each of the driven joints, kg·m² or kg; other joints can have none."""
+        felt = {name: self.description.joint(name).armature for name in joints}
+        for joint in self.description.moving_joints:
+            if joint.armature != 0.0 and joint.name not in felt:
+                raise self.broken(f"armature of joint {joint.name!r}, which no motor drives", joint.armature, 0.0)
         for transmission in self.description.transmissions:
             if transmission.joint not in felt:
                 expected = f"{', '.join(joints[:-1])} or {joints[-1]}"

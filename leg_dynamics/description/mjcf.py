@@ -123,7 +123,8 @@ def _add_inertia(body: Any, link: Link) -> None:
 
 
 def _armature(description: Description, joint: str) -> float:
-    return sum(t.rotor_inertia * t.reduction**2 for t in description.transmissions if t.joint == joint)
+    rotors = (t.rotor_inertia * t.reduction**2 for t in description.transmissions if t.joint == joint)
+    return sum(rotors, description.joint(joint).armature)
 
 
 def _add_joint(body: Any, joint: Joint, armature: float) -> None:

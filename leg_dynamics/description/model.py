@@ -45,6 +45,12 @@ Below lies the rounding of rates that cancel. Were the routes' shares different,
 """
 
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+# What a joint without exactly one coordinate appends to its name for each of them.
+_COORDINATES = {
+    "fixed": (),
+    "floating": ("_x", "_y", "_z", "_yaw", "_pitch", "_roll"),
+    "planar": ("_x", "_y", "_yaw"),
+}
 LOOP_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "spherical", "universal")
 
 _Value = TypeVar("_Value")
@@ -163,6 +169,8 @@ class Mimic:
 class Joint:
     """A tree joint: unit `axis` in the joint frame, `damping` in N·m·s/rad or N·s/m, `friction` in N·m or N.
 
+    `armature` is inertia that turns (kg·m²) or slides (kg) with the joint's own speed, beside that of the links and of
+    transmissions' rotors.
     `independent` is what the file states (true by default); fixed and mimicking joints are never independent.
     """
 
@@ -179,6 +187,12 @@ class Joint:
     independent_is_stated: bool = False
     mimic: Mimic | None = None
     line: int | None = None
+    armature: float = 0.0
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the joint's coordinates: its own name, or that with a suffix each where it has several."""
+        return tuple(f"{self.name}{suffix}" for suffix in _COORDINATES.get(self.type, ("",)))
 
     @property
     def is_single_coordinate(self) -> bool:
@@ -229,7 +243,11 @@ class Coupling:
 
 @dataclass(frozen=True, slots=True)
 class Transmission:
-    """An actuator on a joint: gear `reduction` (motor turns a joint turn) and `rotor_inertia` (kg·m², motor side)."""
+    """An actuator on a joint: gear `reduction` (motor turns a joint turn) and `rotor_inertia` (kg·m², motor side).
+
+    `stall_torque` (N·m) and `no_load_speed` (rad/s), on the motor's side, are the ends of its torque-speed line;
+    infinite where the file states none.
+    """
 
     name: str
     joint: str
@@ -237,11 +255,19 @@ class Transmission:
     reduction: float = 1.0
     rotor_inertia: float = 0.0
     line: int | None = None
+    stall_torque: float = math.inf
+    no_load_speed: float = math.inf
+
+    @property
+    def line_at_joint(self) -> tuple[float, float]:
+        """Stall effort and no-load speed of the joint, N·m or N, rad/s or m/s."""
+        ratio = abs(self.reduction)
+        return self.stall_torque * ratio, self.no_load_speed / ratio
 
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """A named pose: tree joint coordinates (rad or m), the seed of an assembly mode."""
+    """A named pose: tree joint coordinates (rad or m) by `Joint.coordinates`, the seed of an assembly mode."""
 
     name: str
     values: Mapping[str, float] = field(hash=False)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import gc
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -35,20 +36,30 @@ from leg_dynamics.description.model import (
 from leg_dynamics.description.validate import validate
 from leg_dynamics.description.xml_reader import Document, Node, nearest, read_root
 
-__all__ = ["build", "parse"]
+__all__ = ["build", "driven_joints", "parse"]
 
 _READ_TAGS = frozenset(
     {"link", "joint", "loop", "coupling", "transmission", "configuration", "material", *CONSTRAINT_TAGS}
 )
 # Other programs' extensions, which say nothing about the mechanism.
 _FOREIGN_TAGS = frozenset({"gazebo", "sensor", "ros2_control", "mujoco", "drake", "group", "group_state", "version"})
+# Warnings of elements that nobody knows, one a kind.
+_MOST_UNKNOWN = 20
 _LOOPS_WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
 _DEFAULT_AXIS = (1.0, 0.0, 0.0)
 _ORIGIN = (0.0, 0.0, 0.0)
 _SHORTEST_AXIS = 1e-9
+_MOMENTS = ("ixx", "iyy", "izz")
+# The product of a mass and two lengths of that size is still a number.
+_LARGEST = 1e100
+
+_NAMED = 5  # joints that one warning names
+# Of `pr2_mechanism`, the format before ROS's transmission_interface.
+_OLD_JOINTS = ("flexJoint", "rollJoint", "gap_joint")
+_OLD_ACTUATORS = ("leftActuator", "rightActuator")
 
 Colour = tuple[float, float, float, float]
-_Named = TypeVar("_Named", Link, Joint, Loop, Coupling, Transmission, Configuration, Cone, Clearance)
+_Named = TypeVar("_Named", Link, Joint, Loop, Coupling, Configuration, Cone, Clearance)
 
 
 def parse(text: str, *, file: str = "<string>") -> Description:
@@ -131,10 +142,12 @@ def _build(text: str, document: Document, parameters: Mapping[str, Parameter]) -
         raise root.error("the file has no <link>")
     joints = _unique(elements["joint"], lambda node: _joint(node, links))
     _warn_about_missing_bounds(elements["joint"])
+    _warn_about_fixed_mimics(elements["joint"])
     loops = _unique(elements["loop"], lambda node: _loop(node, links))
     couplings = _unique(elements["coupling"], lambda node: _coupling(node, links))
-    transmissions = _unique(elements["transmission"], lambda node: _transmission(node, joints))
-    configurations = _unique(elements["configuration"], lambda node: _configuration(node, joints))
+    transmissions = _transmissions(elements["transmission"], joints, document)
+    several = {name: joint for joint in joints.values() if len(joint.coordinates) > 1 for name in joint.coordinates}
+    configurations = _unique(elements["configuration"], lambda node: _configuration(node, joints, several))
     cones = _unique(elements["cone"], lambda node: read_cone(node, links))
     telescopes = read_telescopes(elements["telescope"], joints)
     clearances = _unique(elements["clearance"], lambda node: read_clearance(node, links))
@@ -144,7 +157,7 @@ def _build(text: str, document: Document, parameters: Mapping[str, Parameter]) -
         joints=tuple(joints.values()),
         loops=tuple(loops.values()),
         couplings=tuple(couplings.values()),
-        transmissions=tuple(transmissions.values()),
+        transmissions=transmissions,
         configurations=tuple(configurations.values()),
         urdf=text,
         file=document.file,
@@ -161,12 +174,17 @@ def _sorted_by_tag(root: Node) -> dict[str, list[Node]]:
     if root.tag != "robot":
         raise root.error(f"the root element is <{root.tag}>, a mechanism file's is <robot>")
     elements: dict[str, list[Node]] = {tag: [] for tag in sorted(_READ_TAGS)}
+    unknown: list[Node] = []
     for node in root.children:
         if node.tag in elements:
             elements[node.tag].append(node)
         elif node.tag not in _FOREIGN_TAGS:
-            hint = nearest(node.tag.lower(), _READ_TAGS)
-            node.document.warn(f"<{node.tag}> is not a URDF+ element and is ignored{hint}", node.line)
+            unknown.append(node)
+    for node in unknown[:_MOST_UNKNOWN]:
+        hint = nearest(node.tag.lower(), _READ_TAGS)
+        node.document.warn(f"<{node.tag}> is not a URDF+ element and is ignored{hint}", node.line)
+    if more := unknown[_MOST_UNKNOWN:]:
+        root.document.warn(f"{len(more)} more kinds of elements are not URDF+ and are ignored", more[0].line)
     return elements
 
 
@@ -203,7 +221,21 @@ def _non_negative(node: Node, attribute: str, default: float | None = None) -> f
 
 
 def _pose(node: Node | None) -> Pose:
-    return Pose() if node is None else Pose(node.vector("xyz", _ORIGIN), node.vector("rpy", _ORIGIN))
+    if node is None:
+        return Pose()
+    xyz = node.vector("xyz", _ORIGIN)
+    _computable(node, "xyz", *xyz)
+    return Pose(xyz, node.vector("rpy", _ORIGIN))
+
+
+def _computable(node: Node, what: str, *values: float) -> None:
+    """Refuse lengths, masses and moments whose products are no longer numbers."""
+    largest = max(map(abs, values))
+    if largest > _LARGEST:
+        raise node.error(
+            f"{what} of <{node.tag}> is {largest:g}, too large to compute with, the most is {_LARGEST:g}: check the "
+            "unit, m, kg or kg·m²"
+        )
 
 
 def _axis(owner: Node) -> Vector3:
@@ -255,20 +287,24 @@ def _link(node: Node, colours: Mapping[str, Colour]) -> Link:
 
 def _inertial(node: Node) -> Inertial:
     inertia = node.exactly_one("inertia")
+    tensor = [inertia.number(key, None if key in _MOMENTS else 0.0) for key in (*_MOMENTS, "ixy", "ixz", "iyz")]
+    _computable(inertia, "a moment", *tensor)
+    ixx, iyy, izz, ixy, ixz, iyz = tensor
     return Inertial(
         mass=_non_negative_mass(node.exactly_one("mass")),
         origin=_pose(node.at_most_one("origin")),
-        ixx=inertia.number("ixx"),
-        ixy=inertia.number("ixy", 0.0),
-        ixz=inertia.number("ixz", 0.0),
-        iyy=inertia.number("iyy"),
-        iyz=inertia.number("iyz", 0.0),
-        izz=inertia.number("izz"),
+        ixx=ixx,
+        ixy=ixy,
+        ixz=ixz,
+        iyy=iyy,
+        iyz=iyz,
+        izz=izz,
     )
 
 
 def _non_negative_mass(node: Node) -> float:
     mass = node.number("value")
+    _computable(node, "value", mass)
     if mass < 0.0:
         raise node.error(f"negative mass {mass:g} kg")
     return mass
@@ -299,7 +335,8 @@ def _geometry(node: Node) -> Geometry | None:
 
 def _joint(node: Node, links: Mapping[str, Link]) -> Joint:
     kind = _choice(node, "type", JOINT_TYPES)
-    mimic = _mimic(node.at_most_one("mimic"))
+    # A fixed joint has no coordinate to mimic with.
+    mimic = None if kind == "fixed" else _mimic(node.at_most_one("mimic"))
     independent = _independent(node)
     if mimic is not None and independent:
         node.document.warn(f'{node.label} mimics {mimic.joint!r}: independent="true" is ignored', node.line)
@@ -319,6 +356,7 @@ def _joint(node: Node, links: Mapping[str, Link]) -> Joint:
         independent_is_stated=kind != "fixed" and independent is not None,
         mimic=mimic,
         line=node.line,
+        armature=0.0 if dynamics is None else _non_negative(dynamics, "armature", 0.0),
     )
 
 
@@ -328,7 +366,7 @@ def _independent(node: Node) -> bool | None:
         return None
     value = node.attributes["independent"]
     if value.lower() not in ("true", "false"):
-        raise node.error(f"independent of {node.label} must be true or false, got {value!r}")
+        raise node.error(f"independent of {node.label} must be true or false, got {value[:80]!r}")
     return value.lower() == "true"
 
 
@@ -369,6 +407,19 @@ def _warn_about_missing_bounds(joints: Iterable[Node]) -> None:
         )
 
 
+def _warn_about_fixed_mimics(joints: Iterable[Node]) -> None:
+    """One warning for all fixed joints that say they mimic another."""
+    fixed = [
+        joint for joint in joints if joint.attributes.get("type") == "fixed" and joint.at_most_one("mimic") is not None
+    ]
+    if fixed:
+        fixed[0].document.warn(
+            f"{fixed[0].label} is fixed and has a <mimic>, as have {len(fixed) - 1} more joints: ignored, they do not "
+            "move",
+            fixed[0].line,
+        )
+
+
 def _loop(node: Node, links: Mapping[str, Link]) -> Loop:
     kind = _choice(node, "type", LOOP_TYPES)
     predecessor = _loop_end(node.exactly_one("predecessor"), links)
@@ -406,10 +457,101 @@ def _moving_joint(node: Node, joints: Mapping[str, Joint]) -> str:
     return joint.name
 
 
+def _transmissions(nodes: Iterable[Node], joints: Mapping[str, Joint], document: Document) -> tuple[Transmission, ...]:
+    """The actuators. Of a drive that joins several joints and motors, the file does not say enough: its joints."""
+    lines: dict[str, int] = {}
+    found: list[Transmission] = []
+    idle: list[Node] = []
+    joined: list[Node] = []
+    for node in nodes:
+        if (name := node.required("name")) in lines:
+            raise node.error(f"duplicate <transmission> name {name!r}: the first is on line {lines[name]}")
+        lines[name] = node.line
+        driven, motors = driven_joints(node), _either(node, "actuator", _OLD_ACTUATORS)
+        if driven and all(_stands_still(each, joints) for each in driven):
+            idle.append(node)
+        elif driven and len(driven) == len(motors) and (len(driven) > 1 or not node.all("joint")):
+            found += _joined(node, driven, joints)
+            joined.append(node)
+        else:
+            found.append(_transmission(node, joints))
+    if idle:
+        if not found:  # no motor in the whole file: a wrong name, rather than a part of a robot
+            _moving_joint(driven_joints(idle[0])[0], joints)
+        names = [each.required("name") for node in idle for each in driven_joints(node)]
+        shown = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+        document.warn(
+            f"{_counted(idle, 'is', 'are')} for joints that are fixed or not in the file ({shown}): ignored",
+            idle[0].line,
+        )
+    if joined:
+        document.warn(
+            f"{_counted(joined, 'does', 'do')} not join one motor to one joint by a gear ratio: read as an actuator of "
+            "the joint's own name on each joint, with efforts at the joints, not at the motors",
+            joined[0].line,
+        )
+    return _apart(found, document)
+
+
+def driven_joints(node: Node) -> list[Node]:
+    """The elements of a ``<transmission>`` that name its joints."""
+    return _either(node, "joint", _OLD_JOINTS)
+
+
+def _either(node: Node, tag: str, old_tags: tuple[str, ...]) -> list[Node]:
+    """The children of a tag, or else of the tags that stood for it in old files."""
+    return node.all(tag) or [child for child in node.children if child.tag in old_tags]
+
+
+def _stands_still(node: Node, joints: Mapping[str, Joint]) -> bool:
+    """Whether a joint reference is to a fixed joint, or to one of a larger robot that this file is a part of."""
+    name = node.required("name")
+    return name not in joints or joints[name].type == "fixed"
+
+
+def _counted(nodes: Sequence[Node], one: str, several: str) -> str:
+    """The first of some elements, how many more there are, and the verb that fits."""
+    return f"{nodes[0].label} {one}" if len(nodes) == 1 else f"{nodes[0].label} and {len(nodes) - 1} more {several}"
+
+
+def _joined(node: Node, driven: Iterable[Node], joints: Mapping[str, Joint]) -> list[Transmission]:
+    """The joints of a drive that joins several, each with an effort of its own."""
+    for each in (node, *node.children):
+        rotor = each.at_most_one("rotorInertia")
+        if rotor is not None and rotor.parse_numbers(rotor.text, "the text", 1)[0] != 0.0:
+            raise rotor.error(
+                f"{node.label} joins several joints and has a rotorInertia: a rotor that several joints turn is not "
+                "supported; leave its inertia out, or give each joint a transmission of its own"
+            )
+    names = [_moving_joint(each, joints) for each in driven]
+    return [Transmission(f"{node.required('name')}_{name}", name, name, line=node.line) for name in names]
+
+
+def _apart(transmissions: list[Transmission], document: Document) -> tuple[Transmission, ...]:
+    """Joints that share a motor become actuators of their own: what joins them is not in the file."""
+    joints: dict[str, set[str]] = {}
+    for each in transmissions:
+        joints.setdefault(each.actuator, set()).add(each.joint)
+    shared = [name for name, driven in joints.items() if len(driven) > 1]
+    if shared:
+        line = next(each.line for each in transmissions if each.actuator in shared)
+        more = f" and {len(shared) - 1} more each have" if len(shared) > 1 else " has"
+        document.warn(
+            f"actuator {shared[0]!r}{more} transmissions to several joints ({', '.join(sorted(joints[shared[0]]))}), "
+            "and the file does not say how they share it: read as one actuator of the joint's own name on each joint",
+            line,
+        )
+    return tuple(replace(each, actuator=each.joint) if each.actuator in shared else each for each in transmissions)
+
+
 def _transmission(node: Node, joints: Mapping[str, Joint]) -> Transmission:
     """A ROS ``<transmission>``; the reduction stands in ``<actuator>`` or, in old files, beside it."""
-    if len(node.all("joint")) > 1 or len(node.all("actuator")) > 1:
-        raise node.error(f"{node.label} joins several joints or actuators: only one of each is supported")
+    counts = len(node.all("joint")), len(node.all("actuator"))
+    if max(counts) > 1:
+        raise node.error(
+            f"{node.label} joins {counts[0]} joints and {counts[1]} actuators: only one of each, or as many actuators "
+            "as joints, is supported"
+        )
     joint = _moving_joint(node.exactly_one("joint"), joints)
     actuator = node.at_most_one("actuator")
     reduction = _text_number(node, actuator, "mechanicalReduction", 1.0)
@@ -418,6 +560,15 @@ def _transmission(node: Node, joints: Mapping[str, Joint]) -> Transmission:
     rotor_inertia = _text_number(node, actuator, "rotorInertia", 0.0)
     if rotor_inertia < 0.0:
         raise node.error(f"negative rotorInertia {rotor_inertia:g} kg·m² of {node.label}")
+    stall_torque = _text_number(node, actuator, "stallTorque", math.inf)
+    no_load_speed = _text_number(node, actuator, "noLoadSpeed", math.inf)
+    for tag, value in (("stallTorque", stall_torque), ("noLoadSpeed", no_load_speed)):
+        if not value > 0.0:
+            raise node.error(f"{tag} {value:g} of {node.label} must be positive: it is an end of the torque-speed line")
+    if math.isinf(stall_torque) != math.isinf(no_load_speed):
+        raise node.error(
+            f"{node.label} has only one of stallTorque (N·m) and noLoadSpeed (rad/s): the torque-speed line needs both"
+        )
     return Transmission(
         name=node.required("name"),
         joint=joint,
@@ -425,6 +576,8 @@ def _transmission(node: Node, joints: Mapping[str, Joint]) -> Transmission:
         reduction=reduction,
         rotor_inertia=rotor_inertia,
         line=node.line,
+        stall_torque=stall_torque,
+        no_load_speed=no_load_speed,
     )
 
 
@@ -434,10 +587,18 @@ def _text_number(transmission: Node, actuator: Node | None, tag: str, default: f
     return default if node is None else node.parse_numbers(node.text, "the text", 1)[0]
 
 
-def _configuration(node: Node, joints: Mapping[str, Joint]) -> Configuration:
+def _configuration(node: Node, joints: Mapping[str, Joint], several: Mapping[str, Joint]) -> Configuration:
+    """A named pose; joints of several coordinates, by the names of these in `several`, have a value for each."""
     values: dict[str, float] = {}
     for value in node.all("joint"):
-        if (name := _moving_joint(value, joints)) in values:
+        name = value.required("name")
+        if name in joints and len(joints[name].coordinates) > 1:
+            raise value.error(
+                f"joint {name!r} is {joints[name].type}: give its coordinates {', '.join(joints[name].coordinates)}"
+            )
+        if name in joints or name not in several:
+            name = _moving_joint(value, joints)
+        if name in values:
             raise value.error(f"{node.label} gives joint {name!r} two values")
         values[name] = value.number("value")
     return Configuration(node.required("name"), values, node.line)

@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from leg_dynamics.description.assembling import assembly_parameters
+from leg_dynamics.description.mjcf_reader import build_mjcf, is_mjcf
 from leg_dynamics.description.model import Description, Parameter
 from leg_dynamics.description.modules import is_assembly
 from leg_dynamics.description.parameters import parameters_of, shown_overrides
 from leg_dynamics.description.parse import build
 from leg_dynamics.description.render import read_text, render, rendered_name
+from leg_dynamics.description.robot_data import PREFIX, robot_data_file, with_group_states
 from leg_dynamics.description.shipped import existing_file, shipped_urdf, shipped_xacro
 from leg_dynamics.description.toolbox import is_toolbox, sidecar_of, toolbox_text
 from leg_dynamics.description.xml_reader import Document
@@ -26,10 +28,12 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
     Parameters
     ----------
     source : str or path-like
-        A shipped name, the path of a ``.urdf``, ``.xacro`` or ``.yaml`` file, or XML text (it starts with ``<``). Plain
-        URDF is data, and so is a ``.yaml`` file: an assembly of modules, or the loops and motors of the URDF file of
-        the same name beside it, see `leg_dynamics.description.toolbox`; that URDF file's own path will do as well. A
-        ``.xacro`` file runs the Python expressions in it, see `render`.
+        A shipped name, a robot of example-robot-data such as ``example-robot-data:solo12`` (see
+        `leg_dynamics.description.robot_data`), the path of a ``.urdf``, ``.xacro`` or ``.yaml`` file, or XML text (it
+        starts with ``<``). An MJCF model, whose root element is ``<mujoco>``, is read by MuJoCo, see
+        `leg_dynamics.description.mjcf_reader`. Plain URDF is data, and so is a ``.yaml`` file: an assembly of modules,
+        or the loops and motors of the URDF file of the same name beside it, see `leg_dynamics.description.toolbox`;
+        that URDF file's own path will do as well. A ``.xacro`` file runs the Python expressions in it, see `render`.
     parameters : mapping of str to float, optional
         New values of named parameters; only for a shipped name, a ``.xacro`` or a ``.yaml`` file, which is rendered
         with them.
@@ -50,7 +54,9 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
     """
     if isinstance(source, str) and source.removeprefix("\ufeff").lstrip().startswith("<"):
         _refuse_parameters(parameters, "XML text")
-        return build(source, Document())
+        return build_mjcf(source, Document()) if is_mjcf(source) else build(source, Document())
+    if isinstance(source, str) and source.startswith(PREFIX):
+        source = robot_data_file(source)
     path = existing_file(source)
     if path is None:
         name = os.fspath(source)
@@ -73,7 +79,10 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
         return build(text, document, _parameters(path, parameters))
     _refuse_parameters(parameters, f"the plain file {path}")
     document = Document(str(path))
-    return build(read_text(path, document), document)
+    text = read_text(path, document)
+    if is_mjcf(text):
+        return build_mjcf(text, document, path)
+    return build(with_group_states(path, text), document)
 
 
 def _toolbox_pair(path: Path) -> tuple[Path, Path] | None:

@@ -122,7 +122,9 @@ def existing_file(source: str | os.PathLike[str]) -> Path | None:
     if os.path.isfile(text):
         return Path(text)
     if looks_like_path:
-        reason = "it is a folder" if os.path.isdir(text) else "no such file"
+        reason = "no such file"
+        if os.path.exists(text):
+            reason = "it is a folder" if os.path.isdir(text) else "it is not a regular file, but a pipe or a device"
         raise LegNotFoundError(
             f"cannot read {text[:200]!r}: {reason} (shipped: {', '.join(shipped_names()) or 'none'})",
             name=text,

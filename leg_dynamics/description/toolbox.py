@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+from leg_dynamics.description.lowering import replace_by_chain, turns
 from leg_dynamics.description.model import Description, Joint
 from leg_dynamics.description.xml_reader import nearest
 from leg_dynamics.description.yaml_reader import Entry, compose
@@ -28,7 +29,6 @@ _SUFFIXES = (".yaml", ".yml")
 _MARK = re.compile(r"^\s*(closed_loop|name_mot)\s*:", re.MULTILINE)
 _LOOP_TYPES = {"3d": "spherical", "6d": "fixed"}
 _AXES = {"SPHERICAL": "xyz", "UJOINT_xy": "xy", "CARDAN": "xy", "FIXED": ""}
-_VECTORS = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
 
 
 @dataclass(frozen=True)
@@ -97,29 +97,10 @@ def toolbox_text(sidecar: Path, tree: Description) -> str:
 
 
 def _replace(root: ElementTree.Element, joint: ElementTree.Element, axes: str) -> None:
-    for tag in ("axis", "limit", "mimic", "dynamics"):
+    for tag in ("limit", "mimic", "dynamics"):
         for found in joint.findall(tag):
             joint.remove(found)
-    if not axes:
-        joint.set("type", "fixed")
-        return
-    name, child = str(joint.get("name")), joint.find("child")
-    assert child is not None
-    last = str(child.get("link"))
-    for number, axis in enumerate(axes):
-        this = joint if number == 0 else ElementTree.SubElement(root, "joint")
-        this.set("name", f"{name}_{axis}")
-        this.set("type", "continuous")
-        end = last
-        if number < len(axes) - 1:
-            end = f"{name}_{axis}_link"
-            ElementTree.SubElement(root, "link", name=end)
-        if number == 0:
-            child.set("link", end)
-        else:
-            ElementTree.SubElement(this, "parent", link=f"{name}_{axes[number - 1]}_link")
-            ElementTree.SubElement(this, "child", link=end)
-        ElementTree.SubElement(this, "axis", xyz=_VECTORS[axis])
+    replace_by_chain(root, joint, turns(axes))
 
 
 def _read(path: Path, tree: Description) -> Toolbox:

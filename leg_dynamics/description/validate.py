@@ -13,6 +13,8 @@ from leg_dynamics.description.xml_reader import Document, nearest
 __all__ = ["validate"]
 
 _INERTIA_TOLERANCE = 1e-9  # relative to the largest principal moment: the rounding of a printed tensor
+_NAMED = 5  # further links that one warning names
+_MOST_COEFFICIENTS = 300_000
 _LIMIT_TOLERANCE = 1e-9  # rad or m, as `leg_dynamics.leg` has it: the rounding of a printed angle
 
 
@@ -34,7 +36,7 @@ def validate(description: Description, document: Document) -> None:
     Warns
     -----
     LegDynamicsWarning
-        For every link whose inertia no rigid body can have, for telescopes that contradict their joints' limits, and
+        For links whose inertia no rigid body can have, for telescopes that contradict their joints' limits, and
         for every named configuration that is outside the limits of joints.
     """
     check_tree(description, document)
@@ -90,14 +92,13 @@ def check_mimics(description: Description, document: Document) -> None:
     joints = {joint.name: joint for joint in description.joints}
     settled: set[str] = set()
     for joint in description.joints:
-        trail: list[str] = []
+        trail: dict[str, None] = {}
         current = joint
         while current.mimic is not None and current.name not in settled:
             if current.name in trail:
-                raise document.error(
-                    f"mimic joints form a cycle: {' -> '.join(map(repr, [*trail, current.name]))}", joint.line
-                )
-            trail.append(current.name)
+                shown = [*map(repr, list(trail)[:6]), *(["..."] if len(trail) > 6 else []), repr(current.name)]
+                raise document.error(f"mimic joints form a cycle: {' -> '.join(shown)}", joint.line)
+            trail[current.name] = None
             check_mimic(current, current.mimic.joint, joints, document)
             current = joints[current.mimic.joint]
         settled.update(trail)
@@ -121,6 +122,7 @@ def check_mimic(joint: Joint, mimicked: str, joints: dict[str, Joint], document:
 
 def check_couplings(description: Description, document: Document) -> None:
     """A coupling relates at least one coordinate, and only joints with one coordinate lie on its paths."""
+    related = 0
     for coupling in description.couplings:
         if coupling.predecessor == coupling.successor:
             raise document.error(
@@ -133,10 +135,18 @@ def check_couplings(description: Description, document: Document) -> None:
                 f"{coupling.predecessor!r} and {coupling.successor!r}",
                 coupling.line,
             )
+        related += len(coefficients)
+        if related > _MOST_COEFFICIENTS:
+            raise document.error(
+                f"couplings up to {coupling.name!r} run over more than {_MOST_COEFFICIENTS} joints, counted once for "
+                "each coupling: couple links that are near to each other in the tree",
+                coupling.line,
+            )
         if not all(any(joint.name in coefficients for joint in path) for path in coupling_paths(description, coupling)):
+            shown = [*list(coefficients)[:10], *(["..."] if len(coefficients) > 10 else [])]
             document.warn(
                 f"coupling {coupling.name!r} has moving joints on one side only, so that it holds the sum of "
-                f"{', '.join(coefficients)} at zero",
+                f"{', '.join(shown)} at zero",
                 coupling.line,
             )
 
@@ -164,7 +174,7 @@ def check_transmissions(description: Description, document: Document) -> None:
 
 
 def warn_about_inertia(description: Description, document: Document) -> None:
-    """Warn of every inertia tensor that no rigid body can have.
+    """Warn once of the inertia tensors that no rigid body can have: the first one's numbers, and the others' names.
 
     Principal moments I1 <= I2 <= I3 of a body are positive and fulfil the triangle inequality I3 <= I1 + I2. A tensor
     of zeros is accepted: a point mass, or the massless links of foreign files.
@@ -177,21 +187,25 @@ def warn_about_inertia(description: Description, document: Document) -> None:
     scales = np.abs(tensors).max(axis=(1, 2))
     suspects = np.flatnonzero(scales > 0.0)
     moments = np.linalg.eigvalsh(tensors[suspects] / scales[suspects, None, None])
+    wrong: list[tuple[Link, str]] = []
     for index, (smallest, middle, largest) in zip(suspects, moments, strict=True):
-        link, scale = bodies[index][0], scales[index]
-        shown = ", ".join(f"{moment * scale:.6g}" for moment in (smallest, middle, largest))
+        scale = scales[index]
+        shown = f"principal moments {', '.join(f'{m * scale:.6g}' for m in (smallest, middle, largest))} kg·m²"
         if smallest <= _INERTIA_TOLERANCE * abs(largest):
-            document.warn(
-                f"inertia of link {link.name!r} is not positive definite: principal moments {shown} kg·m², "
-                f"the smallest must be positive",
-                link.line,
-            )
+            problem = f"is not positive definite: {shown}, the smallest must be positive"
         elif largest > (smallest + middle) * (1.0 + _INERTIA_TOLERANCE):
-            document.warn(
-                f"inertia of link {link.name!r} breaks the triangle inequality: principal moments {shown} kg·m², "
-                f"the largest exceeds the sum of the others by {(largest - smallest - middle) * scale:.3g}",
-                link.line,
+            excess = (largest - smallest - middle) * scale
+            problem = (
+                f"breaks the triangle inequality: {shown}, the largest exceeds the sum of the others by {excess:.3g}"
             )
+        else:
+            continue
+        wrong.append((bodies[index][0], problem))
+    if wrong:
+        (link, problem), *more = wrong
+        names = ", ".join(repr(other.name) for other, _ in more[:_NAMED]) + (", ..." if len(more) > _NAMED else "")
+        others = f"; {len(more)} more links have such an inertia: {names}" if more else ""
+        document.warn(f"inertia of link {link.name!r} {problem}{others}", link.line)
 
 
 def warn_about_telescopes(description: Description, document: Document) -> None:
@@ -232,6 +246,8 @@ def warn_about_configurations(description: Description, document: Document) -> N
     for each in description.configurations:
         outside: list[tuple[float, Joint, float]] = []
         for name, value in each.values.items():
+            if name not in joints:  # one of a joint of several coordinates, which have no bounds
+                continue
             limits = joints[name].limits
             excess = max(limits.lower - value, value - limits.upper)
             if excess > _LIMIT_TOLERANCE:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 import math
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -15,12 +16,25 @@ from leg_dynamics.errors import DescriptionError, LegDynamicsWarning, UnsafeXmlE
 __all__ = ["MAX_DEPTH", "Document", "Node", "nearest", "read_root"]
 
 MAX_DEPTH = 64  # URDF+ itself needs 5
+# A thousand times what a robot has: beyond, a file is an attack, or a mistake that would take minutes to name.
+MAX_ELEMENTS = 500_000
+MAX_CHILDREN = 150_000
+"""Of the root: links, joints and all else that a mechanism consists of."""
+MAX_WORD = 4096
+"""Characters of a tag or a name."""
+MAX_TEXT = 65_536
+# Candidates for a hint, and characters of a name that one can be given for.
+_CANDIDATES = 2000
+_HINTED = 200
 _CHUNK = 1 << 18
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """A ``; did you mean ...?`` clause for the names closest to `name`, or an empty string."""
-    matches = difflib.get_close_matches(name, list(known), n=3, cutoff=0.5)
+    if len(name) > _HINTED:
+        return ""
+    candidates = [each for each in itertools.islice(known, _CANDIDATES) if len(each) <= _HINTED]
+    matches = difflib.get_close_matches(name, candidates, n=3, cutoff=0.5)
     return f"; did you mean {' or '.join(map(repr, matches))}?" if matches else ""
 
 
@@ -95,7 +109,7 @@ class Node:
     def label(self) -> str:
         """How messages call this element: its tag, and its name where it has one."""
         name = self.attributes.get("name")
-        return f"<{self.tag}>" if name is None else f"<{self.tag}> {name!r}"
+        return f"<{self.tag}>" if name is None else f"<{self.tag}> {name[:_HINTED]!r}"
 
     def required(self, attribute: str) -> str:
         """A non-empty attribute's text."""
@@ -104,6 +118,10 @@ class Node:
             raise self.error(f"{self.label} has no {attribute}")
         if not value or value.isspace():
             raise self.error(f"{attribute} of <{self.tag}> is empty")
+        if len(value) > MAX_WORD:
+            raise self.error(
+                f"{attribute} of <{self.tag}> has {len(value)} characters, the most is {MAX_WORD}: {value[:80]!r}..."
+            )
         return value
 
     def number(self, attribute: str, default: float | None = None) -> float:
@@ -163,6 +181,7 @@ class _TreeBuilder:
         self.open: list[Node] = []
         self.skipped_depth = 0
         self.unwanted: set[str] = set()
+        self.count = 0
         self.parser = expat.ParserCreate("UTF-8")
         self.parser.buffer_text = True
         self.parser.StartElementHandler = self.start
@@ -179,15 +198,15 @@ class _TreeBuilder:
             kind=UnsafeXmlError,
         )
 
+    def refusal(self, problem: str) -> DescriptionError:
+        """The error for what no mechanism needs, at this line."""
+        return self.document.error(f"{problem}: refused", self.parser.CurrentLineNumber, kind=UnsafeXmlError)
+
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         parents = self.open
         depth = len(parents) + self.skipped_depth
         if depth >= MAX_DEPTH:
-            raise self.document.error(
-                f"elements are nested more than {MAX_DEPTH} deep: refused",
-                self.parser.CurrentLineNumber,
-                kind=UnsafeXmlError,
-            )
+            raise self.refusal(f"elements are nested more than {MAX_DEPTH} deep")
         if self.skipped_depth:
             self.skipped_depth += 1
             return
@@ -197,6 +216,11 @@ class _TreeBuilder:
             if tag in self.unwanted:
                 return
             self.unwanted.add(tag)
+        self.count += 1
+        if self.count > MAX_ELEMENTS:
+            raise self.refusal(f"the file has more than {MAX_ELEMENTS} elements")
+        if len(tag) > MAX_WORD:
+            raise self.refusal(f"a tag has {len(tag)} characters, the most is {MAX_WORD}: <{tag[:80]}...")
         node = Node(tag, attributes, self.parser.CurrentLineNumber, self.document)
         if self.keep is not None and tag.startswith("xacro:"):
             raise node.error(f"<{tag}> is xacro, not URDF: render it first, or name the file *.xacro")
@@ -204,6 +228,8 @@ class _TreeBuilder:
             self.root = node
         else:
             parent = parents[-1]
+            if depth == 1 and len(parent.children) >= MAX_CHILDREN:
+                raise self.refusal(f"the file has more than {MAX_CHILDREN} elements directly below its root")
             if parent.children:
                 parent.children.append(node)  # type: ignore[attr-defined]
             else:
@@ -223,7 +249,10 @@ class _TreeBuilder:
             self.parser.CharacterDataHandler = None
 
     def characters(self, data: str) -> None:
-        self.open[-1].text += data
+        node = self.open[-1]
+        node.text += data
+        if len(node.text) > MAX_TEXT:
+            raise self.refusal(f"the text of <{node.tag}> has more than {MAX_TEXT} characters")
 
 
 def read_root(text: str, document: Document, *, keep: Collection[str] | None = None) -> Node:
@@ -247,19 +276,25 @@ def read_root(text: str, document: Document, *, keep: Collection[str] | None = N
     Raises
     ------
     UnsafeXmlError
-        For any document type declaration (and so any entity), before anything is expanded, and for nesting
-        deeper than `MAX_DEPTH`.
+        For any document type declaration (and so any entity), before anything is expanded, for nesting deeper than
+        `MAX_DEPTH`, and for more or longer elements than any mechanism has.
     DescriptionError
         For malformed, truncated or empty text.
     """
     text = text.removeprefix("\ufeff")
     if not text.strip():
         raise document.error("the file is empty")
+    if text.startswith("\ufeff"):
+        raise document.error("malformed XML: the text begins with two byte order marks; delete one", 1)
     try:
         data = text.encode()
     except UnicodeEncodeError as error:
         line = text.count("\n", 0, error.start) + 1
         raise document.error(f"the text holds a lone surrogate {text[error.start]!a}", line) from None
+    if (nul := data.find(b"\0")) >= 0:
+        # expat would take the text for UTF-16, other readers would not.
+        line = data.count(b"\n", 0, nul) + 1
+        raise document.error("malformed XML: the text holds a NUL character; save it as UTF-8", line)
     builder = _TreeBuilder(document, keep)
     try:
         for start in range(0, len(data), _CHUNK):

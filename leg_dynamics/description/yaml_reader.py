@@ -8,13 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from leg_dynamics.description.parameters import read_text
-from leg_dynamics.description.xml_reader import Document, nearest
+from leg_dynamics.description.xml_reader import MAX_DEPTH, Document, nearest
 from leg_dynamics.errors import DescriptionError
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 __all__ = ["Entry", "compose"]
+
+# A hundred times what a robot of many modules needs.
+_MOST_CHARACTERS = 1_000_000
 
 
 class Entry:
@@ -131,13 +134,27 @@ def compose(path: Path, contents: str) -> Any:
     import yaml
 
     document = Document(str(path))
+    text = read_text(path, document)
+    if len(text) > _MOST_CHARACTERS:
+        raise document.error(f"the file has {len(text)} characters, the most is {_MOST_CHARACTERS}, for {contents}")
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
-        node = yaml.compose(read_text(path, document), Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        # Composing calls itself for each level and overflows the stack: the events come one by one.
+        depth = 0
+        for event in yaml.parse(text, Loader=loader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > MAX_DEPTH:
+                line = event.start_mark.line + 1
+                raise document.error(f"values are nested too deep for {contents}: more than {MAX_DEPTH} levels", line)
+        node = yaml.compose(text, Loader=loader)
     except RecursionError:
         raise document.error(f"values are nested too deep for {contents}") from None
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = None if mark is None else mark.line + 1
+        if isinstance(error, yaml.reader.ReaderError):
+            line = text.count("\n", 0, error.position) + 1
+            raise document.error(f"malformed YAML: {error.reason}", line) from None
         raise document.error(f"malformed YAML: {getattr(error, 'problem', None) or error}", line) from None
     if node is None:
         raise document.error(f"the file is empty: it should hold {contents}")

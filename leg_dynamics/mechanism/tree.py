@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from leg_dynamics.description.model import Description, Joint, Pose
+from leg_dynamics.description.topology import joints_depth_first
 from leg_dynamics.errors import DescriptionError, UnsupportedError
 
 __all__ = ["FrameMemory", "Tree", "create_data", "tree_urdf"]
@@ -20,6 +21,12 @@ UNLIMITED = 1e100
 # pinocchio's data holds arrays of third derivatives, about eight of nv x nv x nv numbers.
 DATA_BYTES = 64
 MOST_DATA_BYTES = 4 << 30
+# Its reader calls itself for each link of a chain; some thousands of calls overflow the stack of a thread.
+MOST_DEPTH = 1000
+# And its time grows with the square of the links.
+MOST_LINKS = 10_000
+# Principal moments of a body, relative to the largest: a smaller one is the rounding of a rod's or point's inertia.
+SMALLEST_MOMENT = 1e-12
 
 
 def _se3(pose: Pose) -> pin.SE3:
@@ -88,19 +95,46 @@ def create_data(model: pin.Model) -> pin.Data:
     UnsupportedError
         The model has so many joints that the memory, which grows with their third power, is out of reach.
     """
-    needed = DATA_BYTES * model.nv**3
-    most = math.floor((MOST_DATA_BYTES / DATA_BYTES) ** (1 / 3))
-    if needed <= MOST_DATA_BYTES:
+    if DATA_BYTES * model.nv**3 <= MOST_DATA_BYTES:
         try:
             return model.createData()
         except MemoryError:
             pass
-    raise UnsupportedError(
-        f"{model.nv} tree joints are too many: pinocchio would need {needed / 2**30:.3g} GiB for each thread, the "
-        f"limit is {MOST_DATA_BYTES / 2**30:.3g} GiB, about {most} joints; "
+    raise _too_many_joints(model.nv)
+
+
+def _too_many_joints(joints: int) -> UnsupportedError:
+    most = math.floor((MOST_DATA_BYTES / DATA_BYTES) ** (1 / 3))
+    return UnsupportedError(
+        f"{joints} tree joints are too many: pinocchio would need {DATA_BYTES * joints**3 / 2**30:.3g} GiB for each "
+        f"thread, the limit is {MOST_DATA_BYTES / 2**30:.3g} GiB, about {most} joints; "
         "fix joints that need not move, or model a part of the mechanism",
-        joints=model.nv,
+        joints=joints,
     )
+
+
+def _check_size(description: Description) -> None:
+    """Refuse a tree that pinocchio's reader would take the interpreter down with."""
+    joints = len(description.moving_joints)
+    if DATA_BYTES * joints**3 > MOST_DATA_BYTES:
+        raise _too_many_joints(joints)
+    links = len(description.links)
+    if links > MOST_LINKS:
+        raise UnsupportedError(
+            f"{links} links are too many for pinocchio's reader, the limit is {MOST_LINKS}: merge links that fixed "
+            "joints hold together",
+            links=links,
+        )
+    depth = {description.root: 0}
+    for joint in joints_depth_first(description):
+        depth[joint.child] = depth[joint.parent] + 1
+    deepest = max(depth.values())
+    if deepest > MOST_DEPTH:
+        raise UnsupportedError(
+            f"{deepest} joints in a chain are too many for pinocchio's reader, the limit is {MOST_DEPTH}: merge links "
+            "that fixed joints hold together",
+            depth=deepest,
+        )
 
 
 @dataclass(frozen=True)
@@ -143,6 +177,7 @@ class Tree:
                     "joints; give the leg a fixed base",
                     joint=joint.name,
                 )
+        _check_size(description)
         try:
             model = pin.buildModelFromXML(tree_urdf(description))
         except (ValueError, RuntimeError) as error:
@@ -159,11 +194,13 @@ class Tree:
             )
         idx_q = np.array([model.joints[i].idx_q for i in range(1, model.njoints)], dtype=np.intp)
         is_circle = np.array([model.joints[i].nq == 2 for i in range(1, model.njoints)], dtype=bool)
+        armature = model.armature
+        for joint in description.moving_joints:
+            armature[model.joints[model.getJointId(joint.name)].idx_v] += joint.armature
         for transmission in description.transmissions:
             index = model.joints[model.getJointId(transmission.joint)].idx_v
-            armature = model.armature
             armature[index] += transmission.rotor_inertia * transmission.reduction**2
-            model.armature = armature
+        model.armature = armature
         return cls(
             model=model,
             joint_names=names,
@@ -172,6 +209,20 @@ class Tree:
             circle_coordinate=np.flatnonzero(is_circle),
             plain_coordinate=np.flatnonzero(~is_circle),
         )
+
+    def has_inertia_everywhere(self) -> bool:
+        """Whether every joint has an armature, or carries a body with mass and inertia about every axis.
+
+        Then the tree's mass matrix is regular in every pose: joint by joint, no kinetic energy means no speed.
+        """
+        for index in range(1, self.model.njoints):
+            if self.model.armature[self.model.joints[index].idx_v] > 0.0:
+                continue
+            inertia = self.model.inertias[index]
+            moments = np.linalg.eigvalsh(inertia.inertia)
+            if not (inertia.mass > 0.0 and moments[0] > SMALLEST_MOMENT * moments[-1]):
+                return False
+        return True
 
     def to_configuration(self, coordinates: np.ndarray) -> np.ndarray:
         """Turn tree coordinates, shape (nv,), into pinocchio's configuration vector, shape (nq,)."""

@@ -27,7 +27,7 @@ __all__ = ["Extra", "Extras", "Numbers", "is_inertial", "number_values", "parame
 INERTIA_ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 ANGLES = ("roll", "pitch", "yaw")
 REDUNDANT = 1e-9
-ON_JOINTS = (".damping", ".friction", ".reduction", ".rotor_inertia")
+ON_JOINTS = (".damping", ".friction", ".armature", ".reduction", ".rotor_inertia")
 
 
 def number_values(description: Description) -> dict[str, float]:
@@ -47,6 +47,7 @@ def number_values(description: Description) -> dict[str, float]:
             continue
         values |= _vector(f"{joint.name}.axis", joint.axis)
         values |= {f"{joint.name}.damping": joint.damping, f"{joint.name}.friction": joint.friction}
+        values[f"{joint.name}.armature"] = joint.armature
         if joint.mimic is not None:
             values |= {f"{joint.name}.multiplier": joint.mimic.multiplier, f"{joint.name}.offset": joint.mimic.offset}
     for each in description.transmissions:
@@ -84,8 +85,9 @@ def parameter_names(description: Description) -> tuple[str, ...]:
     ``LINK.mass`` (kg), ``LINK.com.x`` (m, link frame), ``LINK.ixx`` ... (kg·m², about the centre of mass in the
     inertial frame's axes), ``LINK.inertial.roll`` (rad); ``JOINT.origin.x`` (m, parent link's frame) and
     ``JOINT.origin.roll`` (rad), ``JOINT.axis.x`` (only its direction counts), ``JOINT.damping``, ``JOINT.friction``,
-    ``JOINT.multiplier`` and ``JOINT.offset`` of a mimic; ``LOOP.predecessor.x`` and ``LOOP.successor.roll`` (that
-    link's frame), ``LOOP.axis.x``; ``COUPLING.ratio``; and on the motor's side ``TRANSMISSION.reduction`` and
+    ``JOINT.armature`` (kg·m² or kg), ``JOINT.multiplier`` and ``JOINT.offset`` of a mimic; ``LOOP.predecessor.x`` and
+    ``LOOP.successor.roll`` (that link's frame), ``LOOP.axis.x``; ``COUPLING.ratio``; and on the motor's side
+    ``TRANSMISSION.reduction`` and
     ``TRANSMISSION.rotor_inertia`` (kg·m²).
     """
     return tuple(number_values(description))

@@ -259,10 +259,10 @@ def build_tree(
     root = description.root
     hip = root if hip is None else hip
     start = _hip_placement(description, numbers, hip)
-    rotor: dict[str, Scalar] = {}
+    rotor = {joint.name: numbers.values[f"{joint.name}.armature"] for joint in description.moving_joints}
     for each in description.transmissions:
         inertia_of, reduction = (numbers.values[f"{each.name}.{key}"] for key in ("rotor_inertia", "reduction"))
-        rotor[each.joint] = add(rotor.get(each.joint, 0.0), mul(inertia_of, mul(reduction, reduction)))
+        rotor[each.joint] = add(rotor[each.joint], mul(inertia_of, mul(reduction, reduction)))
     links = {root: start}
     planter = _Planter(numbers)
     for joint in joints_depth_first(description):
@@ -279,7 +279,7 @@ def build_tree(
             )
         unit = length if joint.type == "prismatic" else 1.0
         form = coordinates.forms[joint.name]
-        links[joint.child] = planter.joint(joint, parent, form, unit, rotor.get(joint.name, 0.0))
+        links[joint.child] = planter.joint(joint, parent, form, unit, rotor[joint.name])
     ends = {
         (loop.name, role): planter.loop_end(loop, role, end, links[end.link])
         for loop in description.loops

@@ -232,7 +232,6 @@ BROKEN: dict[str, tuple[str, str, str, str | tuple[int]]] = {
     ),
     "mimic itself": ('mimic joint="shoulder"', 'mimic joint="slide"', "mimics itself", "slide"),
     "mimic fixed": ('mimic joint="shoulder"', 'mimic joint="mount"', "'mount' is fixed", "slide"),
-    "fixed mimics": ('<axis xyz="0 0 0"/>', '<mimic joint="elbow"/>', "'mount' is fixed", "mount"),
     "mimic cycle": (
         '<dynamics damping="0.1" friction="0.2"/>',
         '<mimic joint="slide"/>',
@@ -296,11 +295,88 @@ def test_each_kind_of_name_is_used_once(tag: str) -> None:
     assert caught.value.line == line_of(text, element[0].splitlines()[0], 1)
 
 
-@pytest.mark.parametrize(("joint", "actuator", "message"), [("shoulder", "M2", "joint"), ("elbow", "M1", "actuator")])
-def test_nothing_is_driven_twice(joint: str, actuator: str, message: str) -> None:
-    second = f'<transmission name="more"><joint name="{joint}"/><actuator name="{actuator}"/></transmission></robot>'
-    with pytest.raises(DescriptionError, match=f"^[^:]+:60: {message} .* has two transmissions, 'drive' and 'more'"):
-        parse(changed("</robot>", second))
+def drive(joint: str, actuator: str) -> str:
+    return f'<transmission name="more"><joint name="{joint}"/><actuator name="{actuator}"/></transmission></robot>'
+
+
+def test_no_joint_is_driven_twice() -> None:
+    with pytest.raises(DescriptionError, match=r"^[^:]+:60: joint .* has two transmissions, 'drive' and 'more'"):
+        parse(changed("</robot>", drive("shoulder", "M2")))
+
+
+def test_a_motor_of_two_joints_is_an_actuator_on_each() -> None:
+    with pytest.warns(LegDynamicsWarning, match=r"'M1' has transmissions to several joints \(elbow, shoulder\)"):
+        transmissions = parse(changed("</robot>", drive("elbow", "M1"))).transmissions
+    assert [(each.joint, each.actuator) for each in transmissions] == [("shoulder", "shoulder"), ("elbow", "elbow")]
+    # What is known of the first drive stays known.
+    assert (transmissions[0].reduction, transmissions[0].rotor_inertia) == (50.0, 1e-5)
+
+
+def test_the_name_that_a_shared_motor_leaves_its_joint_may_be_taken() -> None:
+    taken = drive("elbow", "M1").replace("</robot>", drive("slide", "elbow").replace("more", "third"))
+    with (
+        pytest.warns(LegDynamicsWarning, match="several joints"),
+        pytest.raises(DescriptionError, match="actuator 'elbow' has two transmissions"),
+    ):
+        parse(changed("</robot>", taken))
+
+
+@pytest.mark.parametrize("joint", ["mount", "knee"])
+def test_a_motor_of_a_joint_that_does_not_move_here_is_left_out(joint: str) -> None:
+    with pytest.warns(LegDynamicsWarning, match=rf"^[^:]+:60: <transmission> 'more' is for joints .* \({joint}\)"):
+        assert [each.joint for each in parse(changed("</robot>", drive(joint, "M2"))).transmissions] == ["shoulder"]
+
+
+DIFFERENTIAL = """<transmission name="wrist">
+  <actuator name="M2"><mechanicalReduction>3</mechanicalReduction></actuator><actuator name="M3"/>
+  <joint name="elbow"><mechanicalReduction>2</mechanicalReduction></joint><joint name="slide"/>
+</transmission></robot>"""
+OLD_DIFFERENTIAL = """<transmission name="wrist" type="WristTransmission">
+  <rightActuator name="M2" mechanicalReduction="60"/><leftActuator name="M3" mechanicalReduction="60"/>
+  <flexJoint name="elbow" mechanicalReduction="-1"/><rollJoint name="slide" mechanicalReduction="1"/>
+</transmission></robot>"""
+
+
+def free_slide(text: str) -> str:
+    """The text without the mimic, so that the slide may be driven."""
+    return re.sub(r"<mimic [^>]*/>", "", text)
+
+
+@pytest.mark.parametrize("text", [DIFFERENTIAL, OLD_DIFFERENTIAL], ids=["ros", "pr2"])
+def test_a_differential_is_an_actuator_on_each_of_its_joints(text: str) -> None:
+    with pytest.warns(LegDynamicsWarning, match=r"^[^:]+:60: <transmission> 'wrist' does not join one motor to one"):
+        drives = parse(free_slide(changed("</robot>", text))).transmissions[1:]
+    assert [(each.joint, each.actuator, each.reduction) for each in drives] == [
+        ("elbow", "elbow", 1.0),
+        ("slide", "slide", 1.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name="M3"/>', 'name="M3"><rotorInertia>1e-4</rotorInertia></actuator>', "has a rotorInertia"),
+        ('<actuator name="M3"/>', "", "joins 2 joints and 1 actuators"),
+        ('<joint name="slide"/>', "", "joins 1 joints and 2 actuators"),
+        ('<joint name="slide"/>', '<joint name="mount"/>', "is fixed"),
+        ('<joint name="slide"/>', '<joint name="knee"/>', "unknown joint 'knee'"),
+    ],
+)
+def test_a_drive_of_several_joints_that_stays_refused(old: str, new: str, message: str) -> None:
+    assert DIFFERENTIAL.count(old) == 1
+    with pytest.raises(DescriptionError, match=message):
+        parse(free_slide(changed("</robot>", DIFFERENTIAL.replace(old, new))))
+
+
+def test_a_rotor_of_no_inertia_is_no_rotor() -> None:
+    text = DIFFERENTIAL.replace('name="M3"/>', 'name="M3"><rotorInertia>0</rotorInertia></actuator>')
+    with pytest.warns(LegDynamicsWarning, match="does not join one motor"):
+        assert len(parse(free_slide(changed("</robot>", text))).transmissions) == 3
+
+
+def test_a_fixed_joint_mimics_nothing() -> None:
+    with pytest.warns(LegDynamicsWarning, match="'mount' is fixed and has a <mimic>, as have 0 more"):
+        assert parse(changed('<axis xyz="0 0 0"/>', '<mimic joint="elbow"/>')).joint("mount").mimic is None
 
 
 @pytest.mark.parametrize(
@@ -407,7 +483,7 @@ def test_a_disc_and_a_point_mass_are_physical() -> None:
     parse(with_inertia(ixx=0.0, iyy=0.0, izz=0.0))
 
 
-def test_every_bad_inertia_is_warned_about_not_only_the_first() -> None:
+def test_every_bad_inertia_is_in_the_one_warning_not_only_the_first() -> None:
     text = with_inertia(ixx=1.0, iyy=1.0, izz=3.0)
     link = text.splitlines()[1]
     second = link.replace('"y"', '"z"')
@@ -415,7 +491,9 @@ def test_every_bad_inertia_is_warned_about_not_only_the_first() -> None:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         parse(text.replace(link, f"{link}\n{second}\n{joint}"))
-    assert [str(each.message).split(": ")[0] for each in caught] == ["<string>:2", "<string>:3"]
+    (warning,) = (str(each.message) for each in caught)
+    assert warning.startswith("<string>:2: inertia of link 'y'")
+    assert warning.endswith("; 1 more links have such an inertia: 'z'")
 
 
 @pytest.mark.parametrize(

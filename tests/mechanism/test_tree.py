@@ -93,6 +93,41 @@ def test_rotor_inertia_passes_the_reduction_squared_and_adds_up(lab):
     assert armature == pytest.approx({"yaw": 0.0, "knee": 36 * 2e-4, "strut": 100 * 1e-4})
 
 
+def test_a_joints_armature_adds_to_its_rotor(lab):
+    text = lab.open_chain().motor("knee", reduction=-6.0, rotor_inertia=2e-4)
+    xml = text.xml.replace('<joint name="knee" ', '<joint  name="knee" ', 1)
+    head, tail = xml.split('<joint  name="knee" ', 1)
+    xml = f'{head}<joint name="knee" {tail.replace("</joint>", """<dynamics armature="0.3"/></joint>""", 1)}'
+    tree = Tree.from_description(parse(xml))
+    armature = dict(zip(tree.joint_names, tree.model.armature, strict=True))
+    assert armature == pytest.approx({"yaw": 0.0, "knee": 0.3 + 36 * 2e-4, "strut": 0.0})
+
+
+FULL = '<inertial><mass value="2"/><inertia ixx="0.02" iyy="0.03" izz="0.025"/></inertial>'
+POINT = '<inertial><origin xyz="0 0.1 0"/><mass value="2"/><inertia ixx="0" iyy="0" izz="0"/></inertial>'
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "armature", "expected"),
+    [
+        (FULL, FULL, 0.0, True),
+        ("", FULL, 0.0, False),
+        ("", FULL, 0.1, True),
+        (FULL, "", 0.1, False),
+        (POINT, FULL, 0.0, False),
+        (FULL, POINT, 0.0, False),
+    ],
+)
+def test_massless_links_may_make_the_mass_matrix_singular(first, second, armature, expected):
+    text = (
+        f'<robot name="r"><link name="base"/><link name="one">{first}</link><link name="two">{second}</link>'
+        '<joint name="a" type="continuous"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>'
+        f'<dynamics armature="{armature}"/></joint>'
+        '<joint name="b" type="continuous"><parent link="one"/><child link="two"/><axis xyz="0 1 0"/></joint></robot>'
+    )
+    assert Tree.from_description(parse(text)).has_inertia_everywhere() == expected
+
+
 @pytest.mark.parametrize("kind", ["floating", "planar"])
 def test_joints_of_several_coordinates_are_refused(lab, kind):
     text = lab.Text().joint("free", kind, "base", "body")

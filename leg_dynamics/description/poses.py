@@ -1,0 +1,32 @@
+"""A named pose written into a mechanism's text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.etree import ElementTree
+
+from leg_dynamics.description.model import Description
+from leg_dynamics.description.parse import build
+from leg_dynamics.description.xml_reader import Document
+
+__all__ = ["with_home"]
+
+
+def with_home(description: Description, values: Mapping[str, float]) -> Description:
+    """Return the mechanism with another ``home``; its other configurations stay.
+
+    Parameters
+    ----------
+    description : Description
+    values : mapping of str to float
+        Joint coordinates, rad or m.
+    """
+    root = ElementTree.fromstring(description.urdf)
+    for found in root.findall("configuration"):
+        if found.get("name") == "home":
+            root.remove(found)
+    home = ElementTree.SubElement(root, "configuration", name="home")
+    for joint, value in values.items():
+        ElementTree.SubElement(home, "joint", name=joint, value=repr(float(value)))
+    document = Document(description.file, source=description.source, quiet=True)
+    return build(ElementTree.tostring(root, encoding="unicode"), document, description.parameters)
