@@ -6,12 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from leg_dynamics.description.topology import coupling_equations
 from leg_dynamics.errors import RowError
 from leg_dynamics.leg import Leg, OnError
 from leg_dynamics.verification.report import Check
 from leg_dynamics.verification.states import States
 
-__all__ = ["ROUTE_TOLERANCE", "check", "compare", "relative"]
+__all__ = ["ROUTE_TOLERANCE", "check", "compare", "on_one_sheet", "relative"]
 
 ROUTE_TOLERANCE = 1e-9
 
@@ -25,6 +26,14 @@ def relative(first: np.ndarray, second: np.ndarray, axes: int) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         difference = np.abs(first - second).max(axis=over, initial=0.0)
         return difference / (1.0 + np.maximum(np.abs(first), np.abs(second)).max(axis=over, initial=0.0))
+
+
+def on_one_sheet(leg: Leg, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Tree coordinates (N, m) from two sources without whole turns between them, but where couplings count them."""
+    coupled = {joint for equation in coupling_equations(leg.description) for joint in equation.coefficients}
+    joints = [leg.description.joint(name) for name in leg.tree_joint_names]
+    turns = np.array([joint.unit == "rad" and joint.name not in coupled for joint in joints])
+    return first, second - 2.0 * np.pi * np.round((second - first) / (2.0 * np.pi)) * turns
 
 
 def check(

@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from leg_dynamics.description.topology import coupling_equations
 from leg_dynamics.errors import AssemblyError, ParameterError, RowError, ShapeError, SingularityError
 from leg_dynamics.leg import Leg
 from leg_dynamics.routes import load, routes_of, sibling, with_text
-from leg_dynamics.verification.comparison import ROUTE_TOLERANCE, Progress, check, compare, relative
+from leg_dynamics.verification.comparison import ROUTE_TOLERANCE, Progress, check, compare, on_one_sheet, relative
 from leg_dynamics.verification.first_principles import against_first_principles
 from leg_dynamics.verification.perturbation import with_random_inertia
 from leg_dynamics.verification.report import Check, CrosscheckReport
@@ -44,39 +43,52 @@ MOST_NEARLY_SINGULAR = 0.25
 
 
 def crosscheck(
-    leg: str | os.PathLike[str] | Leg,
+    leg: Any,
+    against: str | os.PathLike[str] | Leg | None = None,
     samples: int = 1000,
     seed: int = 0,
     progress: Progress | None = None,
+    *,
+    tolerance: float | None = None,
     **load_options: Any,
 ) -> CrosscheckReport:
-    """Hold the routes of a leg against each other and against first principles.
+    """Hold the routes of a leg against each other and against first principles, or own formulas against a leg.
 
     Parameters
     ----------
-    leg : str, path-like or Leg
+    leg : str, path-like or Leg; or any object
         A shipped name or anything `leg_dynamics.load` takes, or a loaded leg. A leg without closed form is held
-        against first principles only.
+        against first principles only. With `against`: an object with some of the interface's methods, see
+        `leg_dynamics.verification.own_formulas`.
+    against : str, path-like or Leg, optional
+        The leg that own formulas are held against, as for `leg`.
     samples : int
         Random states to compare at, with the corners of the domain and near-zero coordinates among them. States at
         which the loops cannot be closed do not count, up to 20 times as many.
     seed : int
     progress : callable, optional
         Called with (what is being checked, share done in 0..1).
+    tolerance : float, optional
+        Of own formulas, relative to 1 + magnitude; 1e-9 where not given.
     **load_options
-        Passed to `leg_dynamics.load`: ``urdf``, ``parameters``, ``foot``.
+        Passed to `leg_dynamics.load`: ``urdf``, ``parameters``, ``foot``, and with `against` ``route``.
 
     Returns
     -------
     CrosscheckReport
-        ``.passed``, ``.worst``, ``.checks``; prints as a table with rich.
+        ``.passed``, ``.worst``, ``.checks``; prints as a table with rich. With `against` an `OwnFormulasReport`, whose
+        ``.causes`` are the failing equations that no other one explains.
 
     Raises
     ------
     ShapeError
         `samples` is not a positive whole number.
     ParameterError
-        Load options were given with a leg that is loaded already.
+        Load options were given with a leg that is loaded already; `against` is a number; own formulas are no object
+        with methods of the interface, or state coordinates, equations or a gravity that do not fit; a tolerance was
+        given without them or is not a positive number.
+    MissingFootError
+        Own formulas have a foot and the leg they are held against names none.
     AssemblyError
         No route can assemble the leg in any of the states.
     SingularityError
@@ -84,6 +96,14 @@ def crosscheck(
     """
     if isinstance(samples, bool) or not isinstance(samples, (int, np.integer)) or samples < 1:
         raise ShapeError(f"samples must be a whole number, at least 1, got {samples!r}")
+    if against is not None:
+        return _own_formulas(leg, against, int(samples), seed, progress, tolerance, load_options)
+    if tolerance is not None:
+        raise ParameterError(
+            f"tolerance={tolerance!r} goes with own formulas, crosscheck(leg, against): that between routes is "
+            f"{ROUTE_TOLERANCE:g}",
+            parameter="tolerance",
+        )
     if isinstance(leg, Leg):
         if load_options:
             raise ParameterError(f"{', '.join(load_options)}: options of load, but {leg.name!r} is loaded already")
@@ -96,6 +116,40 @@ def crosscheck(
         name = f"{name}, transmission {given.transmission!r}"
     legs = [given if route == given.route else sibling(given, route) for route in routes_of(given)]
     return crosscheck_legs(legs, name, int(samples), seed, progress)
+
+
+def _own_formulas(
+    own: Any,
+    against: Any,
+    samples: int,
+    seed: int,
+    progress: Progress | None,
+    tolerance: float | None,
+    load_options: dict[str, Any],
+) -> CrosscheckReport:
+    from leg_dynamics.verification.own_formulas import OwnFormulas, hold
+
+    if isinstance(against, (int, float, np.number)):
+        raise ParameterError(
+            f"against is a leg to hold own formulas against, got the number {against!r}: for a number of states write "
+            f"samples={against!r}",
+            parameter="against",
+        )
+    if isinstance(against, Leg):
+        if load_options:
+            raise ParameterError(f"{', '.join(load_options)}: options of load, but {against.name!r} is loaded already")
+        reference = against
+    else:
+        reference = load(against, **load_options)
+    formulas = OwnFormulas(own, reference)
+    tell: Progress = progress if progress is not None else lambda what, share: None
+    text = reference.description.urdf
+    drawn = _draw([reference], samples, seed, text, lambda what, share: tell(what, 0.1 * share))
+    counts = drawn.left_out, len(drawn.hidden)
+    states = drawn.states.take(drawn.states.along_a_path())
+    report = hold(formulas, states, samples, seed, counts, tolerance, lambda what, share: tell(what, 0.1 + 0.9 * share))
+    tell("done", 1.0)
+    return report
 
 
 def crosscheck_legs(
@@ -131,7 +185,7 @@ def crosscheck_legs(
     for number, other in enumerate(others):
         group = f"{reference.route} against {other.route}"
         start = 0.05 + number * span
-        errors = relative(*_on_one_sheet(reference, drawn.assembled[0], drawn.assembled[number + 1]), 1)
+        errors = relative(*on_one_sheet(reference, drawn.assembled[0], drawn.assembled[number + 1]), 1)
         quantity = "joint angles that close the loops"
         detail = _assembly_reason((reference, other), unordered, errors)
         checks.append(check(group, quantity, errors, ROUTE_TOLERANCE, reference, unordered.q, detail=detail))
@@ -248,14 +302,6 @@ def _hidden(legs: Sequence[Leg], states: States, changed_text: str) -> np.ndarra
 def _assembled(leg: Leg, states: States, names: Sequence[str]) -> np.ndarray:
     coordinates = leg.assemble(states.q, on_error="nan")
     return np.stack([coordinates[name] for name in names], axis=-1)
-
-
-def _on_one_sheet(leg: Leg, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates (N, m) by two routes without whole turns between them, but where couplings count them."""
-    coupled = {joint for equation in coupling_equations(leg.description) for joint in equation.coefficients}
-    joints = [leg.description.joint(name) for name in leg.tree_joint_names]
-    turns = np.array([joint.unit == "rad" and joint.name not in coupled for joint in joints])
-    return first, second - 2.0 * np.pi * np.round((second - first) / (2.0 * np.pi)) * turns
 
 
 def _refuse(leg: Leg, states: States, count: int) -> None:

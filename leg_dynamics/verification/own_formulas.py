@@ -1,0 +1,1085 @@
+"""Somebody's own formulas for a leg held against its file, equation by equation.
+
+The formulas are an object with any of the interface's methods (`METHODS`), in the interface's units and frames: SI,
+radians, the hip frame. Each is called with one state at a time, arrays of shape (n,) or (3,), so that formulas written
+with `math` will do. Arguments `foot_force` and `gravity` are passed by name where a method's signature has them. The
+object may also have
+
+* ``joint_names``: the independent coordinates in its own order, where that is not the file's;
+* ``actuator_names``: the order of its torques, where it is neither that of its joint names nor the file's;
+* ``equations``: names of its equations by method, such as ``{"jacobian": "(12)"}``; for a method that is not in it,
+  numbers in brackets at the end of the first line of its docstring count;
+* ``gravity``: the gravity its formulas compute with, a vector in the hip frame or a magnitude along the file's.
+
+Where a result is wrong, results that depend on it are too. They are held against each other as well (the Jacobian
+against differences of the own position, and so on), and what follows from an error further up is reported as such.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import inspect
+import itertools
+import os
+import re
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from leg_dynamics.errors import LegDynamicsError, MissingFootError, ParameterError
+from leg_dynamics.leg import Leg
+from leg_dynamics.verification.comparison import ROUTE_TOLERANCE, Progress, on_one_sheet, relative
+from leg_dynamics.verification.diagnosis import Entries, agree, diagnose
+from leg_dynamics.verification.first_principles import DIFFERENCE_TOLERANCE, gradient, loop_residual, slope
+from leg_dynamics.verification.report import OWN_GROUP, Check, OwnCheck, OwnFormulasReport
+from leg_dynamics.verification.states import ROOM_SHARE, States, smallest_singular_values, with_room
+
+__all__ = ["METHODS", "OwnFormulas", "hold"]
+
+METHODS = (
+    "assemble",
+    "foot_position",
+    "inverse_kinematics",
+    "jacobian",
+    "jacobian_derivative",
+    "foot_velocity",
+    "foot_acceleration",
+    "mass_matrix",
+    "kinetic_energy",
+    "potential_energy",
+    "gravity_torque",
+    "bias",
+    "generalized_force",
+    "torque",
+    "acceleration",
+)
+"""The interface's methods that own formulas may have, each after those that it depends on."""
+
+DIFFERENCE_SAMPLES = 50
+DIAGNOSED_SAMPLES = 50
+"""States, and as many failing ones, at which the reference is asked for its terms, and own formulas at other angles."""
+SAME_GRAVITY = 1e-12
+CLOSED = 1e-9
+"""Loop residual, m or rad, of joint angles that close the loops."""
+EFFORT = 10.0
+"""N·m or N, of the efforts that forward dynamics is compared at."""
+
+_NUMBERED = re.compile(r"((?:\(\d+[a-z]?\)(?:\s*(?:-|–|,|to|and)\s*)?)+)\.?\s*$")
+_FORCE_TERM = "the foot force's term"
+
+
+@dataclass(frozen=True)
+class _Quantity:
+    """One method of the interface: its arguments, its result's axes and what it may be given by name."""
+
+    method: str
+    title: str
+    arguments: tuple[str, ...]
+    form: str
+    axes: tuple[str, ...]
+    options: tuple[str, ...] = ()
+
+    @property
+    def of_foot(self) -> bool:
+        return "foot" in self.axes or "p" in self.arguments
+
+
+_LOADS = ("foot_force", "gravity")
+_QUANTITIES = {
+    quantity.method: quantity
+    for quantity in (
+        _Quantity("foot_position", "foot position", ("q",), "foot {}", ("foot",)),
+        _Quantity("inverse_kinematics", "inverse kinematics", ("p",), "{}", ("joint",)),
+        _Quantity("jacobian", "foot Jacobian", ("q",), "d foot {} / d {}", ("foot", "joint")),
+        _Quantity("jacobian_derivative", "Jacobian derivative", ("q", "v"), "d/dt d foot {} / d {}", ("foot", "joint")),
+        _Quantity("foot_velocity", "foot velocity", ("q", "v"), "velocity of foot {}", ("foot",)),
+        _Quantity("foot_acceleration", "foot acceleration", ("q", "v", "a"), "acceleration of foot {}", ("foot",)),
+        _Quantity("mass_matrix", "mass matrix", ("q",), "M[{}, {}]", ("joint", "joint")),
+        _Quantity("kinetic_energy", "kinetic energy", ("q", "v"), "", ()),
+        _Quantity("potential_energy", "potential energy", ("q",), "", (), ("gravity",)),
+        _Quantity("gravity_torque", "gravity torque", ("q",), "{}", ("joint",), ("gravity",)),
+        _Quantity("bias", "bias force", ("q", "v"), "{}", ("joint",), ("gravity",)),
+        _Quantity("generalized_force", "generalized force", ("q", "v", "a"), "{}", ("joint",), _LOADS),
+        _Quantity("torque", "torque", ("q", "v", "a"), "{}", ("actuator",), _LOADS),
+        _Quantity("acceleration", "acceleration", ("q", "v", "tau"), "{}", ("joint",), _LOADS),
+    )
+}
+_VARIANTS = {"": "", "foot_force": " with foot force", "gravity": ", tilted"}
+
+Key = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class _Inputs:
+    """Arguments of N states, all in the reference's order; no foot force where it is None."""
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    tau: np.ndarray
+    gravity: np.ndarray
+    foot_force: np.ndarray | None = None
+    p: np.ndarray | None = None
+
+    def take(self, rows: np.ndarray) -> _Inputs:
+        values = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        taken: dict[str, Any] = {name: None if array is None else array[rows] for name, array in values.items()}
+        return _Inputs(**taken)
+
+    def without(self, *names: str) -> _Inputs:
+        changed: dict[str, Any] = {}
+        for name in names:
+            changed[name] = None if name == "foot_force" else np.zeros_like(getattr(self, name))
+        return replace(self, **changed)
+
+    def at(self, q: np.ndarray, **others: np.ndarray) -> _Inputs:
+        """Inputs at other coordinates (k, n), at rest where not said otherwise."""
+        n, m = self.q.shape[1], self.tau.shape[1]
+        zero = np.zeros((len(q), n))
+        gravity = np.broadcast_to(self.gravity[0], (len(q), 3))
+        given = {"v": zero, "a": zero, "tau": np.zeros((len(q), m)), "gravity": gravity} | others
+        return _Inputs(q=q, **given)
+
+
+@dataclass(frozen=True)
+class _Values:
+    """Results of one method at N states, NaN where it gave none, and what it gave instead."""
+
+    array: np.ndarray
+    complaint: str = ""
+
+
+@dataclass(frozen=True)
+class _Method:
+    function: Callable[..., Any]
+    signature: inspect.Signature | None
+    options: frozenset[str]
+    required: frozenset[str]
+
+
+class OwnFormulas:
+    """An object with some of the interface's methods, called one state at a time, its results in a leg's order.
+
+    Parameters
+    ----------
+    own : object
+        See `leg_dynamics.verification.own_formulas`.
+    reference : Leg
+        The leg that it is meant to describe.
+
+    Raises
+    ------
+    ParameterError
+        The object has none of the methods, or its joint names, actuator names, equations or gravity do not fit.
+    MissingFootError
+        It has methods of the foot, and the leg names none.
+    """
+
+    def __init__(self, own: Any, reference: Leg) -> None:
+        self.reference = reference
+        self.name = getattr(own, "__name__", type(own).__name__)
+        self.notes: list[str] = []
+        if inspect.isclass(own):
+            raise ParameterError(f"{self.name} is a class: pass an object, {self.name}(...)", parameter="leg")
+        self.methods = dict(self._methods(own))
+        if not self.methods:
+            raise ParameterError(
+                f"{self.name} object has none of the interface's methods, so that there is nothing to compare: give it "
+                f"one or more of {', '.join(METHODS)}",
+                parameter="leg",
+            )
+        foot_methods = [name for name in self.methods if name in _QUANTITIES and _QUANTITIES[name].of_foot]
+        if foot_methods and reference.foot is None:
+            raise MissingFootError(
+                f"{', '.join(foot_methods)} of {self.name} cannot be compared: {reference.name!r} names no foot; pass "
+                "foot= with the name of its link"
+            )
+        self.order, self.actuator_order = self._orders(own)
+        self.equations = self._equations(own)
+        self.gravity = self._gravity(own)
+
+    def _methods(self, own: Any) -> Iterator[tuple[str, _Method]]:
+        for name in METHODS:
+            function = _attribute(own, name)
+            if function is None:
+                continue
+            if not callable(function):
+                self.notes.append(f"{name} is no method but {type(function).__name__}, and was left out")
+                continue
+            try:
+                signature = inspect.signature(function)
+            except (TypeError, ValueError):
+                signature = None
+            possible = _QUANTITIES[name].options if name in _QUANTITIES else ()
+            named = {} if signature is None else signature.parameters
+            options = {option for option in possible if option in named}
+            required = {option for option in options if named[option].default is inspect.Parameter.empty}
+            if "gravity" in options and isinstance(named["gravity"].default, (int, float)):
+                self.notes.append(f"gravity of {name} is a number, so that it was not tilted")
+                options.discard("gravity")
+            yield name, _Method(function, signature, frozenset(options), frozenset(required))
+
+    def _orders(self, own: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Places in the reference's joints and actuators of the object's own ones."""
+        leg = self.reference
+        joints = _names(own, "joint_names")
+        order = np.arange(len(leg.joint_names)) if joints is None else _places(joints, leg.joint_names, "joint_names")
+        actuators = _names(own, "actuator_names")
+        driven = leg.backend.actuator_joints
+        if actuators is not None:
+            known = driven if set(actuators) == set(driven) else leg.actuator_names
+            return order, _places(actuators, known, "actuator_names")
+        if joints is not None and set(joints) == set(driven):
+            return order, _places(joints, driven, "joint_names")
+        return order, np.arange(len(driven))
+
+    def _equations(self, own: Any) -> dict[str, str]:
+        labels = {}
+        for name, method in self.methods.items():
+            lines = (inspect.getdoc(method.function) or "").strip().splitlines()
+            found = _NUMBERED.search(lines[0]) if lines else None
+            if found:
+                labels[name] = found[1]
+        given = _attribute(own, "equations")
+        if given is None or callable(given):
+            return labels
+        if not isinstance(given, Mapping):
+            raise ParameterError(
+                f"equations must be a mapping of method to equation, such as {{'jacobian': '(12)'}}, got {given!r}",
+                parameter="equations",
+            )
+        for name, label in given.items():
+            if name not in METHODS:
+                near = difflib.get_close_matches(str(name), METHODS, n=1)
+                hint = f"; did you mean {near[0]!r}?" if near else f": they are {', '.join(METHODS)}"
+                raise ParameterError(f"equations names {name!r}, which is no method{hint}", parameter="equations")
+            labels[name] = str(label)
+        return labels
+
+    def _gravity(self, own: Any) -> np.ndarray:
+        """Gravity that the formulas compute with, (3,)."""
+        file = self.reference.gravity
+        given = _attribute(own, "gravity")
+        if given is None or callable(given):
+            return file
+        try:
+            vector = np.asarray(given, dtype=float)
+        except (TypeError, ValueError):
+            vector = np.array(np.nan)
+        if vector.ndim == 0 and np.isfinite(vector) and file.any():
+            vector = abs(float(vector)) * file / np.linalg.norm(file)
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            raise ParameterError(
+                f"gravity must be a vector (3,) in the hip frame, or its magnitude, m/s², got {given!r}",
+                parameter="gravity",
+            )
+        if np.abs(vector - file).max() > SAME_GRAVITY * np.abs(file).max():
+            listing = " and ".join("(" + ", ".join(f"{x:.6g}" for x in each) + ")" for each in (vector, file))
+            self.notes.append(f"compared with the gravity of the own formulas instead of the file's: {listing} m/s²")
+        return vector
+
+    def size(self, axis: str) -> tuple[str, ...]:
+        """Names along an axis of results."""
+        leg = self.reference
+        return {"foot": ("x", "y", "z"), "joint": leg.joint_names, "actuator": leg.actuator_names}[axis]
+
+    def entries(self, name: str) -> Entries:
+        """Names of the entries of a method's result."""
+        quantity = _QUANTITIES[name]
+        return Entries(quantity.form, tuple(self.size(axis) for axis in quantity.axes))
+
+    def values(self, name: str, inputs: _Inputs, *, with_gravity: bool = False) -> _Values:
+        """Results at N states; a foot force is passed where the inputs have one, gravity where asked for or needed."""
+        quantity, method = _QUANTITIES[name], self.methods[name]
+        options: dict[str, np.ndarray] = {}
+        if "foot_force" in method.options and (inputs.foot_force is not None or "foot_force" in method.required):
+            options["foot_force"] = np.zeros_like(inputs.gravity) if inputs.foot_force is None else inputs.foot_force
+        if "gravity" in method.options and (with_gravity or "gravity" in method.required):
+            options["gravity"] = inputs.gravity
+        arguments = []
+        for argument in quantity.arguments:
+            array = getattr(inputs, argument)
+            order = {"p": slice(None), "tau": self.actuator_order}.get(argument, self.order)
+            arguments.append(array[:, order])
+        shape = tuple(len(self.size(axis)) for axis in quantity.axes)
+        result = self._each(name, arguments, options, shape, inputs.q, lambda value: _read(value, shape))
+        array = result.array
+        for axis, kind in enumerate(quantity.axes, start=1):
+            if kind != "foot":
+                order = self.order if kind == "joint" else self.actuator_order
+                array = array.take(np.argsort(order), axis=axis)
+        return replace(result, array=array)
+
+    def coordinates(self, q: np.ndarray) -> tuple[_Values, tuple[str, ...]]:
+        """Joint coordinates of `assemble`, (N, k), and the joints that it gives."""
+        known = self.reference.tree_joint_names
+        names: list[str] = []
+
+        def read(value: Any) -> np.ndarray:
+            if not isinstance(value, Mapping):
+                raise _UnusableError(f"returned {_kind(value)}, expected a mapping of joint name to coordinate")
+            if not value:
+                raise _UnusableError("returned a mapping without joints")
+            unknown = [str(name) for name in value if name not in known]
+            if unknown:
+                raise _UnusableError(f"names {', '.join(unknown)}: the file's joints are {', '.join(known)}")
+            if not names:
+                names.extend(name for name in known if name in value)
+            missing = [name for name in names if name not in value]
+            if missing or len(value) != len(names):
+                raise _UnusableError(f"names other joints than at the first state: {', '.join(map(str, value))}")
+            return np.array([_read(value[name], ()) for name in names])
+
+        result = self._each("assemble", [q[:, self.order]], {}, None, q, read)
+        return result, tuple(names) if result.array.shape[1:] == (len(names),) else ()
+
+    def _each(
+        self,
+        name: str,
+        arguments: Sequence[np.ndarray],
+        options: Mapping[str, np.ndarray],
+        shape: tuple[int, ...] | None,
+        q: np.ndarray,
+        read: Callable[[Any], np.ndarray],
+    ) -> _Values:
+        """Call a method state by state; what it raises or returns instead of numbers is part of the result."""
+        method = self.methods[name]
+        rows: list[np.ndarray | None] = []
+        complaints: dict[str, list[int]] = {}
+        messages: dict[str, str] = {}
+        # A signature that does not take the arguments is one finding, not an exception of the formulas.
+        if method.signature is not None:
+            try:
+                method.signature.bind(*arguments, **options)
+            except TypeError as error:
+                called = f"{name}({', '.join(_arguments(name) + tuple(options))})"
+                return _Values(np.full((len(q), *(shape or ())), np.nan), f"cannot be called as {called}: {error}")
+        for row in range(len(q)):
+            value: np.ndarray | None = None
+            try:
+                # Copies: formulas may change what they are given, or return the same array each time.
+                result = method.function(
+                    *(array[row].copy() for array in arguments),
+                    **{option: array[row].copy() for option, array in options.items()},
+                )
+                value = np.array(read(result), dtype=float)
+            except _UnusableError as error:
+                kind, message = str(error), str(error)
+            except Exception as error:
+                kind, message = type(error).__name__, f"raised {type(error).__name__}: {error}{_line(error)}"
+            rows.append(value)
+            if value is None:
+                complaints.setdefault(kind, []).append(row)
+                messages.setdefault(kind, message)
+        if shape is None:
+            shape = next((value.shape for value in rows if value is not None), ())
+        array = np.array([np.full(shape, np.nan) if value is None else value for value in rows])
+        array = array.reshape(len(rows), *shape)
+        joints = self.reference.joint_names
+        texts = [
+            f"{messages[kind]}, at {len(where)} of {len(q)} states{_region(where, q, joints)}, first at "
+            + ", ".join(f"{joint} = {x:.6g}" for joint, x in zip(joints, q[where[0]], strict=True))
+            for kind, where in complaints.items()
+        ]
+        return _Values(array, "; ".join(texts))
+
+
+class _UnusableError(Exception):
+    """A result that is no array of numbers of the right shape."""
+
+
+def _attribute(own: Any, name: str) -> Any:
+    try:
+        return getattr(own, name, None)
+    except Exception as error:
+        raise ParameterError(
+            f"{name} of {type(own).__name__} cannot be read: {type(error).__name__}: {error}", parameter=name
+        ) from error
+
+
+def _names(own: Any, attribute: str) -> tuple[str, ...] | None:
+    given = _attribute(own, attribute)
+    if given is None or callable(given):
+        return None
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise ParameterError(f"{attribute} must be a list of names, got {given!r}", parameter=attribute)
+    return tuple(map(str, given))
+
+
+def _places(given: Sequence[str], known: Sequence[str], attribute: str) -> np.ndarray:
+    if sorted(given) != sorted(known):
+        raise ParameterError(
+            f"{attribute} is ({', '.join(given)}), but the leg's names are ({', '.join(known)}): give these, in the "
+            "order of the own formulas",
+            parameter=attribute,
+        )
+    return np.array([known.index(name) for name in given], dtype=np.intp)
+
+
+def _arguments(name: str) -> tuple[str, ...]:
+    return _QUANTITIES[name].arguments if name in _QUANTITIES else ("q",)
+
+
+def _kind(value: Any) -> str:
+    return "nothing: is a return missing?" if value is None else type(value).__name__
+
+
+def _read(value: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """The numbers that a method returned.
+
+    Raises
+    ------
+    _UnusableError
+        It returned something else.
+    """
+    if value is None:
+        raise _UnusableError(f"returned {_kind(value)}")
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        raise _UnusableError(f"returned {_kind(value)} that is no regular array of numbers") from None
+    if array.dtype.kind not in "iuf":
+        what = "complex numbers" if array.dtype.kind == "c" else f"{_kind(value)} that is no array of numbers"
+        raise _UnusableError(f"returned {what}")
+    if array.shape != shape:
+        flat = ": return a flat array, .ravel()" if array.size == np.prod(shape) and len(shape) < array.ndim else ""
+        raise _UnusableError(f"returned shape {array.shape}, expected {shape}{flat}")
+    if not np.isfinite(array).all():
+        raise _UnusableError("returned NaN or infinity")
+    return array
+
+
+def _line(error: Exception) -> str:
+    """Last line of the formulas' own file that an exception came through."""
+    frames = traceback.extract_tb(error.__traceback__)[1:]
+    if not frames:
+        return ""
+    own = [frame for frame in frames if frame.filename == frames[0].filename]
+    return f" ({os.path.basename(own[-1].filename)}:{own[-1].lineno})"
+
+
+def _region(rows: Sequence[int] | np.ndarray, q: np.ndarray, joints: Sequence[str]) -> str:
+    """On which side of which value of one coordinate all these states are and no other; empty where there is none."""
+    inside = np.zeros(len(q), dtype=bool)
+    inside[rows] = True
+    if inside.sum() < 3 or (~inside).sum() < 3:
+        return ""
+    for joint, values in zip(joints, q.T, strict=True):
+        for sign, word in ((1.0, ">"), (-1.0, "<")):
+            least, most = (sign * values[inside]).min(), (sign * values[~inside]).max()
+            if least > most:
+                border = 0.0 if most <= 0.0 <= least else 0.5 * sign * (least + most)
+                return f", all those where {joint} {word} {border:.3g}"
+    return ""
+
+
+# ---------------------------------------------------------------------- comparison
+
+
+@dataclass(frozen=True)
+class _Case:
+    """One method, with or without loads, by the own formulas and by the reference."""
+
+    key: Key
+    inputs: _Inputs
+    own: np.ndarray
+    reference: np.ndarray
+    complaint: str
+
+
+@dataclass(frozen=True)
+class _Relation:
+    """What own results `upstream` say of the own result `target`: both sides at coordinates q (k, n)."""
+
+    target: Key
+    upstream: tuple[Key, ...]
+    statement: str
+    left: np.ndarray
+    right: np.ndarray
+    q: np.ndarray
+    entries: Entries
+    tolerance: float
+
+    @property
+    def negated(self) -> str:
+        return re.sub(r"^(is|has)\b", r"\1 not", self.statement)
+
+
+def hold(
+    formulas: OwnFormulas,
+    states: States,
+    samples: int,
+    seed: int,
+    counts: tuple[int, int],
+    tolerance: float | None,
+    tell: Progress,
+) -> OwnFormulasReport:
+    """Hold own formulas against the leg they belong to.
+
+    Parameters
+    ----------
+    formulas : OwnFormulas
+    states : States
+        Where; all can be assembled.
+    samples, seed : int
+        As asked for, for the report.
+    counts : (int, int)
+        States that were left out since they cannot be assembled, or are nearly singular.
+    tolerance : float, optional
+        Relative to 1 + magnitude.
+    tell : callable
+
+    Returns
+    -------
+    OwnFormulasReport
+
+    Raises
+    ------
+    ParameterError
+        The tolerance is not a positive number.
+    """
+    return _Comparison(formulas, states, _checked_tolerance(tolerance), tell).report(samples, seed, counts)
+
+
+def _checked_tolerance(tolerance: Any) -> float:
+    if tolerance is None:
+        return ROUTE_TOLERANCE
+    number = isinstance(tolerance, (int, float, np.number)) and not isinstance(tolerance, bool)
+    if not (number and 0.0 < tolerance < 1.0):
+        raise ParameterError(
+            f"tolerance must be a number between 0 and 1, relative to 1 + magnitude, got {tolerance!r}",
+            parameter="tolerance",
+        )
+    return float(tolerance)
+
+
+class _Comparison:
+    def __init__(self, formulas: OwnFormulas, states: States, tolerance: float, tell: Progress) -> None:
+        self.formulas, self.leg, self.tolerance, self.tell = formulas, formulas.reference, tolerance, tell
+        self.states = states
+        count, m = len(states), len(self.leg.actuator_names)
+        gravity = np.broadcast_to(formulas.gravity, (count, 3))
+        tau = EFFORT * np.sin(np.arange(count * m, dtype=float)).reshape(count, m)
+        self.inputs = _Inputs(states.q, states.v, states.a, tau, gravity)
+        self.cases: dict[Key, _Case] = {}
+        self.not_compared: dict[str, str] = {}
+
+    def report(self, samples: int, seed: int, counts: tuple[int, int]) -> OwnFormulasReport:
+        formulas = self.formulas
+        checks: list[OwnCheck] = []
+        given = [name for name in METHODS if name in formulas.methods]
+        for number, name in enumerate(given):
+            self.tell(name, 0.7 * number / len(given))
+            if name == "assemble":
+                checks += self._assemble()
+            elif name == "inverse_kinematics":
+                checks += self._inverse_kinematics()
+            else:
+                checks += self._compared(_QUANTITIES[name])
+        self.tell("own formulas among themselves", 0.7)
+        checks = self._explained(checks)
+        return OwnFormulasReport(
+            f"{formulas.name} against {self.leg.name} by {self.leg.route}",
+            ("own formulas", self.leg.route),
+            samples,
+            seed,
+            tuple[Check, ...](checks),
+            len(self.states),
+            *counts,
+            tuple(name for name in METHODS if name not in formulas.methods),
+            self.not_compared,
+            tuple(formulas.notes),
+        )
+
+    # ------------------------------------------------------------------ one method
+
+    def _reference(self, name: str, inputs: _Inputs) -> np.ndarray:
+        quantity = _QUANTITIES[name]
+        options: dict[str, Any] = {option: getattr(inputs, option) for option in quantity.options}
+        arguments = (getattr(inputs, argument) for argument in quantity.arguments)
+        return np.asarray(getattr(self.leg, name)(*arguments, **options, on_error="nan"))
+
+    def _compared(self, quantity: _Quantity) -> Iterator[OwnCheck]:
+        name, accepted = quantity.method, self.formulas.methods[quantity.method].options
+        variants = {"": self.inputs}
+        if "foot_force" in accepted and self.leg.foot is not None:
+            variants["foot_force"] = replace(self.inputs, foot_force=self.states.foot_force)
+        if "gravity" in accepted:
+            variants["gravity"] = replace(self.inputs, gravity=self.states.gravity)
+        for variant, every in variants.items():
+            inputs = every
+            try:
+                reference = self._reference(name, inputs)
+            except LegDynamicsError as error:
+                self.not_compared[name] = str(error)
+                own = self.formulas.values(name, inputs, with_gravity=variant == "gravity")
+                self.cases[name, variant] = _Case((name, variant), inputs, own.array, own.array, own.complaint)
+                if own.complaint:
+                    yield self._check(self.cases[name, variant], quantity.title + _VARIANTS[variant])
+                continue
+            known = np.flatnonzero(np.isfinite(reference).reshape(len(reference), -1).all(axis=1))
+            if len(known) == 0:
+                self.not_compared[name] = "the reference has no number at any of the states"
+                continue
+            inputs = every.take(known)
+            own = self.formulas.values(name, inputs, with_gravity=variant == "gravity")
+            case = _Case((name, variant), inputs, own.array, reference[known], own.complaint)
+            self.cases[case.key] = case
+            check = self._check(case, quantity.title + _VARIANTS[variant])
+            yield check if check.passed else replace(check, diagnosis=tuple(self._diagnoses(quantity, case)))
+
+    def _check(self, case: _Case, title: str) -> OwnCheck:
+        entries = self.formulas.entries(case.key[0])
+        detail = case.complaint
+        group = "against the file"
+        return self._made(
+            group, case.key[0], title, case.own, case.reference, case.inputs.q, entries, self.tolerance, detail
+        )
+
+    def _made(
+        self,
+        group: str,
+        name: str,
+        title: str,
+        own: np.ndarray,
+        reference: np.ndarray,
+        q: np.ndarray,
+        entries: Entries,
+        tolerance: float,
+        detail: str = "",
+    ) -> OwnCheck:
+        errors = relative(own, reference, own.ndim - 1)
+        row = int(np.argmax(np.where(np.isnan(errors), np.inf, errors)))
+        component, values = "", (np.nan, np.nan)
+        if not np.isnan(errors[row]):
+            index = np.unravel_index(int(np.argmax(np.abs(own[row] - reference[row]))), own.shape[1:])
+            component = entries.name([int(i) for i in index])
+            values = float(own[row][index]), float(reference[row][index])
+        at = {joint: float(x) for joint, x in zip(self.leg.joint_names, q[row], strict=True)}
+        return OwnCheck(
+            group,
+            title,
+            float(errors[row]),
+            tolerance,
+            len(errors),
+            at,
+            detail=detail,
+            method=name,
+            equation=self.formulas.equations.get(name, ""),
+            component=component,
+            own=values[0],
+            reference=values[1],
+            share=float((~(errors <= tolerance)).mean()),
+        )
+
+    # ------------------------------------------------------------------ what is wrong with it
+
+    def _diagnoses(self, quantity: _Quantity, case: _Case) -> Iterator[str]:
+        name, variant = case.key
+        entries = self.formulas.entries(name)
+        magnitude = float(np.linalg.norm(self.formulas.gravity))
+        factors = {}
+        if "gravity" in quantity.options and magnitude > 0.0:
+            factors = {1.0 / magnitude: "1/g times (g is missing)", magnitude: "g times"}
+        text = diagnose(case.own, case.reference, entries, self.tolerance, factors=factors)
+        few = self._some_of(case)
+        if not text or "no simple relation" in text:
+            closer = self._misread_angles(few) if name == "foot_position" else ""
+            if not closer:
+                terms = self._terms(few)
+                closer = diagnose(few.own, few.reference, entries, self.tolerance, terms=terms, factors=factors)
+            text = closer or text
+        if text:
+            yield text
+        if f"wrong sign of {_FORCE_TERM}" in text:
+            by = " by 2 J^T foot_force" if name in ("torque", "generalized_force") else ""
+            yield f"own values differ{by}: foot_force is what the environment applies to the foot"
+        symmetric = 0.5 * (case.own + case.own.swapaxes(1, 2)) if name == "mass_matrix" else None
+        if symmetric is not None and agree(symmetric, case.reference, self.tolerance):
+            yield "the symmetric part agrees: the own matrix is not symmetric"
+        base = self.cases.get((name, ""))
+        if variant and base is not None and len(base.own) == len(case.own):
+            if agree(case.own, base.own, self.tolerance):
+                yield f"the argument {variant} changes nothing"
+            elif agree(base.own, base.reference, self.tolerance):
+                yield {"foot_force": "agrees without foot force", "gravity": "agrees with the file's gravity"}[variant]
+        if not text:
+            yield from self._agreements(quantity, few)
+            errors = relative(case.own, case.reference, case.own.ndim - 1)
+            if np.isfinite(errors).all():
+                region = _region(np.flatnonzero(errors > self.tolerance), case.inputs.q, self.leg.joint_names)
+                if region:
+                    yield f"disagrees at{region.removeprefix(', all')}, and nowhere else"
+                yield from self._agreeing_entries(case, entries)
+
+    def _some_of(self, case: _Case) -> _Case:
+        """Some states from everywhere, and some of those that fail."""
+        errors = relative(case.own, case.reference, case.own.ndim - 1)
+        chosen = []
+        for rows in (np.arange(len(errors)), np.flatnonzero(errors > self.tolerance)):
+            spread = np.linspace(0, max(0, len(rows) - 1), min(len(rows), DIAGNOSED_SAMPLES)).round().astype(np.intp)
+            chosen.append(rows[spread])
+        rows = np.unique(np.concatenate(chosen))
+        return replace(case, inputs=case.inputs.take(rows), own=case.own[rows], reference=case.reference[rows])
+
+    def _agreeing_entries(self, case: _Case, entries: Entries) -> Iterator[str]:
+        scale = 1.0 + np.maximum(np.abs(case.own), np.abs(case.reference)).reshape(len(case.own), -1).max(axis=1)
+        off = np.abs(case.own - case.reference) > self.tolerance * scale.reshape(-1, *(1,) * (case.own.ndim - 1))
+        differing = off.any(axis=0)
+        if case.own.ndim > 1 and not differing.all():
+            yield f"only {entries.listed(differing, np.zeros_like(differing))} off, the other entries agree"
+
+    def _agreements(self, quantity: _Quantity, case: _Case) -> Iterator[str]:
+        """In which special states own values agree."""
+        reductions = {
+            "v": "agrees at v = 0: the velocity terms are wrong",
+            "a": "agrees at a = 0: the inertia term is wrong",
+            "gravity": "agrees without gravity: the gravity term is wrong",
+        }
+        if quantity.method in ("jacobian_derivative", "foot_velocity", "kinetic_energy"):  # zero at v = 0
+            return
+        for argument, sentence in reductions.items():
+            is_gravity = argument == "gravity"
+            if is_gravity:
+                usable = "gravity" in self.formulas.methods[quantity.method].options and len(quantity.arguments) > 1
+            else:
+                usable = argument in quantity.arguments
+            if usable:
+                inputs = case.inputs.without(argument)
+                own = self.formulas.values(quantity.method, inputs, with_gravity=is_gravity or case.key[1] == "gravity")
+                if agree(own.array, self._reference(quantity.method, inputs), self.tolerance):
+                    yield sentence
+
+    def _terms(self, case: _Case) -> Iterator[dict[str, np.ndarray]]:
+        """Parts of the reference that formulas may lack or have with the wrong sign, coarse ones first."""
+        name, inputs = case.key[0], case.inputs
+
+        def value(*without: str) -> np.ndarray:
+            return self._reference(name, inputs.without(*without))
+
+        if name == "foot_acceleration":
+            yield {"J a": value() - value("a"), "Jdot v": value("a")}
+            return
+        if name not in ("bias", "generalized_force", "torque", "acceleration"):
+            return
+        drive = {"bias": (), "acceleration": ("tau",)}.get(name, ("a",))
+        still = value("v", *drive, "foot_force")
+        unloaded = value(*drive, "foot_force")
+        gravity = {"the gravity term": still - value("v", *drive, "foot_force", "gravity")}
+        driven = {}
+        if drive:
+            term = "the inertia term M a" if drive == ("a",) else "the actuators' term"
+            driven[term] = value("foot_force") - unloaded
+        if inputs.foot_force is not None:
+            driven[_FORCE_TERM] = value() - value("foot_force")
+        yield gravity | {"the velocity terms": unloaded - still} | driven
+        squares = np.zeros_like(still)
+        for joint in range(inputs.v.shape[1]):
+            alone = np.zeros_like(inputs.v)
+            alone[:, joint] = inputs.v[:, joint]
+            squares += self._reference(name, replace(inputs, v=alone).without(*drive, "foot_force")) - still
+        products = unloaded - still - squares
+        split = {"the terms of one speed (squares)": squares, "the terms of two speeds (products)": products}
+        yield gravity | split | driven
+
+    def _misread_angles(self, case: _Case) -> str:
+        """With which other meaning of the joint coordinates the own foot position is right."""
+        q = case.inputs.q
+        joints = self.leg.joint_names
+        turning = np.array([unit == "rad" for unit in self.leg.units.joints])
+        meanings = [
+            ("true if the angles were in degrees", np.where(turning, np.degrees(q), q)),
+            ("true if the angles were converted to degrees once more", np.where(turning, np.radians(q), q)),
+        ]
+        for i, joint in enumerate(joints):
+            other = q.copy()
+            other[:, i] = -q[:, i]
+            meanings.append((f"true if {joint} counted in the opposite direction", other))
+        for i, j in itertools.permutations(np.flatnonzero(turning).tolist(), 2):
+            for sign, word in ((-1.0, "+"), (1.0, "-")):
+                other = q.copy()
+                other[:, i] = q[:, i] + sign * q[:, j]
+                sentence = f"true if {joints[i]} were {joints[i]} {word} {joints[j]}: absolute and relative angle"
+                meanings.append((sentence, other))
+        for sentence, other in meanings:
+            if agree(self._own("foot_position", case.inputs.at(other)), case.reference, self.tolerance):
+                return sentence
+        return ""
+
+    # ------------------------------------------------------------------ the two that are not compared entry by entry
+
+    def _assemble(self) -> Iterator[OwnCheck]:
+        q, leg = self.inputs.q, self.leg
+        result, names = self.formulas.coordinates(q)
+        expected = leg.assemble(q, on_error="nan")
+        whole = np.stack([expected[name] for name in leg.tree_joint_names], axis=-1)
+        own = raw = whole.copy()
+        columns = [leg.tree_joint_names.index(name) for name in names]
+        if names:
+            own[:, columns] = result.array
+            raw = own.copy()
+        else:
+            own[:] = np.nan
+        reference, own = on_one_sheet(leg, whole, own)
+        shown = columns if names else list(range(len(leg.tree_joint_names)))
+        own, reference = own[:, shown], reference[:, shown]
+        entries = Entries("{}", (tuple(leg.tree_joint_names[i] for i in shown),))
+        title = "joint angles that close the loops"
+        check = self._made(
+            "against the file", "assemble", title, own, reference, q, entries, self.tolerance, result.complaint
+        )
+        if not check.passed:
+            # First as they are: moved by whole turns they are no multiples any more.
+            text = diagnose(raw[:, shown], reference, entries, self.tolerance)
+            diagnosis = [text or diagnose(own, reference, entries, self.tolerance)]
+            if names == leg.tree_joint_names and np.isfinite(own).all():
+                residual = loop_residual(leg.description, dict(zip(names, own.T, strict=True)))
+                if residual.max() <= CLOSED:
+                    diagnosis = ["these close the loops too: another assembly mode than the file's configuration"]
+            check = replace(check, diagnosis=tuple(text for text in diagnosis if text))
+        yield check
+
+    def _inverse_kinematics(self) -> Iterator[OwnCheck]:
+        leg, q = self.leg, self.inputs.q
+        inside = np.flatnonzero(((q >= leg.limits.lower) & (q <= leg.limits.upper)).all(axis=1))
+        name = "inverse_kinematics"
+        if len(inside) == 0:
+            self.not_compared[name] = "no state is inside the joint limits"
+            return
+        inputs = self.inputs.take(inside)
+        inputs = replace(inputs, p=leg.foot_position(inputs.q, on_error="nan"))
+        assert inputs.p is not None
+        own = self.formulas.values(name, inputs)
+        reached = leg.foot_position(own.array, on_error="nan")
+        entries = Entries("foot {} reached", (self.formulas.size("foot"),))
+        lost = np.isnan(reached).any(axis=1) & np.isfinite(own.array).all(axis=1)
+        detail = own.complaint
+        if lost.any():
+            more = f"the leg cannot be assembled at the joint coordinates found, at {lost.sum()} of {len(lost)} states"
+            detail = "; ".join(text for text in (detail, more) if text)
+        self.cases[name, ""] = _Case((name, ""), inputs, own.array, inputs.q, own.complaint)
+        title = _QUANTITIES[name].title
+        check = self._made(
+            "against the file", name, title, reached, inputs.p, inputs.q, entries, self.tolerance, detail
+        )
+        if not check.passed:
+            turned = own.array - 2.0 * np.pi * np.round((own.array - inputs.q) / (2.0 * np.pi)) * np.array(
+                [unit == "rad" for unit in leg.units.joints]
+            )
+            text = diagnose(turned, inputs.q, Entries("{}", (leg.joint_names,)), self.tolerance)
+            check = replace(check, diagnosis=(f"of the joint coordinates, {text}",) if text else ())
+        yield check
+
+    # ------------------------------------------------------------------ own results against each other
+
+    def _explained(self, checks: list[OwnCheck]) -> list[OwnCheck]:
+        """The checks with what follows from what, and those of own results among themselves that this rests on."""
+        titles = {_title((name, variant)): (name, variant) for name in _QUANTITIES for variant in _VARIANTS}
+        failing = {titles[check.quantity] for check in checks if check.quantity in titles and not check.passed}
+        doubtful = failing | {key for key in self.cases if key[0] in self.not_compared}
+        roots: dict[Key, str] = {}
+        rows: list[OwnCheck] = []
+        explained = []
+        relations = list(self._relations(doubtful)) if doubtful else []
+        held: dict[int, bool] = {}
+        for number, relation in enumerate(relations):
+            row = self._made(
+                OWN_GROUP,
+                relation.target[0],
+                relation.statement,
+                relation.left,
+                relation.right,
+                relation.q,
+                relation.entries,
+                relation.tolerance,
+            )
+            held[number] = row.passed
+            rows.append(row)
+        for check in checks:
+            key = titles.get(check.quantity)
+            if key is None or key not in failing:
+                explained.append(check)
+                continue
+            mine = [number for number, relation in enumerate(relations) if relation.target == key]
+            texts, root = [], ""
+            broken = [number for number in mine if not held[number]]
+            sources = dict.fromkeys(k for n in mine for k in relations[n].upstream if k in failing)
+            if self._as_without_loads(key, failing):
+                root = roots.get((key[0], ""), "") or key[0]
+                texts.append(f"differs by the same as {_title((key[0], ''))}")
+            elif broken:
+                relation = relations[broken[0]]
+                wrong = [_title(k) for k in relation.upstream if k in failing]
+                sound = [_title(k) for k in relation.upstream if k not in failing]
+                said = f"the {_title(key)} {relation.negated}"
+                if wrong:
+                    texts.append(f"{said}, an error here beside that in {' and '.join(wrong)}")
+                else:
+                    agree_ = "agrees" if len(sound) == 1 else "agree"
+                    texts.append(f"{said}, although {' and '.join(sound)} {agree_}: the error is here")
+            elif sources:
+                first = next(iter(sources))
+                root = roots.get(first, "") or first[0]
+                texts.append(f"as follows from the own {' and '.join(_title(k) for k in sources)}, which disagrees")
+            roots[key] = root
+            explained.append(replace(check, diagnosis=(*check.diagnosis, *texts), follows_from=root))
+        for number, row in enumerate(rows):
+            if not row.passed:
+                keys = (relations[number].target, *relations[number].upstream)
+                blamed = next((key for key in keys if key in failing), None)
+                cause = "" if blamed is None else roots[blamed] or blamed[0]
+                rows[number] = replace(row, follows_from=cause)
+        return explained + rows
+
+    def _as_without_loads(self, key: Key, failing: set[Key]) -> bool:
+        """Whether a result with loads is off by what it is off by without them."""
+        base = (key[0], "")
+        if not key[1] or base not in failing or len(self.cases[base].own) != len(self.cases[key].own):
+            return False
+        loaded, unloaded = self.cases[key], self.cases[base]
+        return agree(loaded.own - loaded.reference, unloaded.own - unloaded.reference, 10.0 * self.tolerance)
+
+    def _relations(self, doubtful: set[Key]) -> Iterator[_Relation]:
+        """What own results demand of each other; those whose members all agree with the reference say nothing new."""
+
+        def members(target: Key, *upstream: str | Key) -> tuple[Key, ...] | None:
+            keys = (target, *((key, "") if isinstance(key, str) else key for key in upstream))
+            whole = all(key in self.cases for key in keys)
+            return keys if whole and any(key in doubtful for key in keys) else None
+
+        def relation(
+            keys: tuple[Key, ...],
+            statement: str,
+            left: np.ndarray,
+            right: np.ndarray,
+            inputs: _Inputs,
+            tolerance: float,
+        ) -> Iterator[_Relation]:
+            finite = np.isfinite(left) & np.isfinite(right)
+            known = np.flatnonzero(finite.reshape(len(left), -1).all(axis=1))
+            if len(known):
+                entries = self.formulas.entries(keys[0][0])
+                yield _Relation(
+                    keys[0], keys[1:], statement, left[known], right[known], inputs.q[known], entries, tolerance
+                )
+
+        few = self._with_room()
+        rough = max(DIFFERENCE_TOLERANCE, 10.0 * self.tolerance)
+        fine = 10.0 * self.tolerance
+        own, every = self._own, self.inputs
+        yield from self._kinematic_relations(members, relation, few, rough, fine)
+
+        if keys := members(("kinetic_energy", ""), "mass_matrix"):
+            right = 0.5 * np.einsum("...i,...ij,...j->...", every.v, own("mass_matrix", every), every.v)
+            yield from relation(keys, "is v^T M v / 2", own("kinetic_energy", every), right, every, fine)
+        if keys := members(("gravity_torque", ""), "potential_energy"):
+            right = gradient(self._function("potential_energy"), few.q)
+            statement = "is the derivative of the potential energy"
+            yield from relation(keys, statement, own("gravity_torque", few), right, few, rough)
+        if keys := members(("bias", ""), "gravity_torque"):
+            left = own("bias", every.without("v"))
+            yield from relation(keys, "is the gravity torque at v = 0", left, own("gravity_torque", every), every, fine)
+        if keys := members(("bias", ""), "mass_matrix"):
+            dM = gradient(self._function("mass_matrix"), few.q)
+            right = np.einsum("...ijk,...j,...k->...i", dM, few.v, few.v)
+            right -= 0.5 * np.einsum("...jki,...j,...k->...i", dM, few.v, few.v)
+            # Friction is odd in v.
+            left = 0.5 * (own("bias", few) + own("bias", replace(few, v=-few.v))) - own("bias", few.without("v"))
+            statement = "has the velocity terms that the derivatives of M give"
+            yield from relation(keys, statement, left, right, few, rough)
+        yield from self._force_relations(members, relation, fine)
+
+    def _kinematic_relations(
+        self, members: Any, relation: Any, few: _Inputs, rough: float, fine: float
+    ) -> Iterator[_Relation]:
+        own, every = self._own, self.inputs
+        if keys := members(("inverse_kinematics", ""), "foot_position"):
+            case = self.cases["inverse_kinematics", ""]
+            assert case.inputs.p is not None
+            found = np.where(np.isnan(case.own), 0.0, case.own)
+            left = self.formulas.values("foot_position", case.inputs.at(found)).array
+            left[np.isnan(case.own).any(axis=1)] = np.nan
+            places = (keys[1], *keys[1:])
+            statement = "is inverse to the own position"
+            for each in relation(places, statement, left, case.inputs.p, case.inputs, fine):
+                yield replace(each, target=keys[0])
+        if keys := members(("jacobian", ""), "foot_position"):
+            right = gradient(self._function("foot_position"), few.q)
+            yield from relation(keys, "is the derivative of the own position", own("jacobian", few), right, few, rough)
+        if keys := members(("jacobian_derivative", ""), "jacobian"):
+            right = slope(self._function("jacobian"), few.q, few.v)
+            left = own("jacobian_derivative", few)
+            yield from relation(keys, "is the derivative of the own Jacobian along v", left, right, few, rough)
+        if keys := members(("foot_velocity", ""), "jacobian"):
+            right = _product(own("jacobian", every), every.v)
+            yield from relation(keys, "is J v", own("foot_velocity", every), right, every, fine)
+        if keys := members(("foot_acceleration", ""), "jacobian", "jacobian_derivative"):
+            right = _product(own("jacobian", every), every.a) + _product(own("jacobian_derivative", every), every.v)
+            yield from relation(keys, "is J a + Jdot v", own("foot_acceleration", every), right, every, fine)
+
+    def _force_relations(self, members: Any, relation: Any, fine: float) -> Iterator[_Relation]:
+        own, every = self._own, self.inputs
+        driven = self.leg.backend.actuator_joints
+        joints = self.leg.joint_names
+        at_joints = [joints.index(name) for name in driven] if set(driven) == set(joints) else None
+        pushed = replace(every, foot_force=self.states.foot_force)
+        for name in ("generalized_force", "torque"):
+            if name == "torque" and at_joints is None:
+                continue
+            order = at_joints if name == "torque" and at_joints is not None else list(range(len(joints)))
+            if name == "torque" and (keys := members((name, ""), "generalized_force")):
+                right = own("generalized_force", every)[:, order]
+                yield from relation(keys, "is the generalized force", own(name, every), right, every, fine)
+            elif keys := members((name, ""), "mass_matrix", "bias"):
+                right = (_product(own("mass_matrix", every), every.a) + own("bias", every))[:, order]
+                yield from relation(keys, "is M a + h", own(name, every), right, every, fine)
+            elif keys := members((name, ""), "bias"):
+                left, right = own(name, every.without("a")), own("bias", every)[:, order]
+                yield from relation(keys, "is the bias force at a = 0", left, right, every, fine)
+            if keys := members((name, "foot_force"), (name, ""), "jacobian"):
+                change = -np.einsum("...ji,...j->...i", own("jacobian", every), self.states.foot_force)
+                right = own(name, every) + change[:, order]
+                statement = "is that without it, less J^T foot_force"
+                yield from relation(keys, statement, own(name, pushed), right, every, fine)
+        if at_joints is None:
+            return
+        if keys := members(("acceleration", ""), "mass_matrix", "bias"):
+            efforts = np.empty_like(every.q)
+            efforts[:, at_joints] = every.tau
+            left = _product(own("mass_matrix", every), own("acceleration", every)) + own("bias", every)
+            yield from relation(keys, "is M^-1 (torque - h)", left, efforts, every, fine)
+
+    def _own(self, name: str, inputs: _Inputs) -> np.ndarray:
+        return self.formulas.values(name, inputs).array
+
+    def _function(self, name: str) -> Callable[[np.ndarray], np.ndarray]:
+        """Own values of a function of q, of shape (..., n), at rest."""
+
+        def values(points: np.ndarray) -> np.ndarray:
+            result = self._own(name, self.inputs.at(points.reshape(-1, points.shape[-1])))
+            return result.reshape(*points.shape[:-1], *result.shape[1:])
+
+        return values
+
+    def _with_room(self) -> _Inputs:
+        """Some states around which differences mean something."""
+        spread = np.unique(np.linspace(0, len(self.states) - 1, DIFFERENCE_SAMPLES).round().astype(np.intp))
+        chosen = with_room(self.leg, self.states.take(spread))
+        values = smallest_singular_values(self.leg, chosen.q) if len(chosen) else None
+        if values is not None and np.isfinite(values).any():
+            chosen = chosen.take(np.flatnonzero(values > ROOM_SHARE * np.nanmedian(values)))
+        count = len(chosen)
+        gravity = np.broadcast_to(self.formulas.gravity, (count, 3))
+        return _Inputs(chosen.q, chosen.v, chosen.a, np.zeros((count, self.inputs.tau.shape[1])), gravity)
+
+
+def _title(key: Key) -> str:
+    return _QUANTITIES[key[0]].title + _VARIANTS[key[1]]
+
+
+def _product(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    return np.einsum("...ij,...j->...i", matrix, vector)

@@ -1,0 +1,735 @@
+"""Own formulas with an error planted in each: the report has to name the equation, the entry and what is wrong."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import leg_dynamics as ld
+from leg_dynamics.errors import CrosscheckError, MissingFootError, ParameterError, ShapeError
+from leg_dynamics.verification.own_formulas import METHODS
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def example():
+    loader = SourceFileLoader("own_formulas_example", str(EXAMPLES / "my_leg.py"))
+    module = module_from_spec(spec_from_loader(loader.name, loader))
+    loader.exec_module(module)
+    return module
+
+
+MyLeg = example().MyLeg
+
+
+class Whole(MyLeg):
+    """Every method of the interface, with loads."""
+
+    def foot_velocity(self, q, v):
+        return np.array(self.jacobian(q)) @ v
+
+    def generalized_force(self, q, v, a, foot_force=None):
+        return self.torque(q, v, a, foot_force)
+
+
+@pytest.fixture(scope="module")
+def leg():
+    return ld.load(EXAMPLES / "my_leg.urdf", "symbolic")  # compiled once, and then the fastest
+
+
+def held(own, leg, samples=60, **options):
+    return ld.crosscheck(own, leg, samples=samples, **options)
+
+
+def verdicts(report, group="against the file"):
+    return {check.quantity: check.passed for check in report.checks if check.group == group}
+
+
+def cause(report, method):
+    """The only failing check that nothing explains."""
+    (found,) = report.causes
+    assert found.method == method
+    assert not report.passed
+    return found
+
+
+def changed(method, change, base=Whole):
+    """A class whose `method` passes through ``change(value, *arguments)``."""
+
+    class Changed(base):
+        pass
+
+    original = getattr(base, method)
+
+    def altered(self, *arguments, **options):
+        return change(np.array(original(self, *arguments, **options), dtype=float), *arguments, **options)
+
+    altered.__doc__ = original.__doc__
+    altered.__signature__ = __import__("inspect").signature(original)
+    setattr(Changed, method, altered)
+    return Changed()
+
+
+def test_right_formulas_agree_and_nothing_is_said_of_them(leg):
+    told = []
+    report = held(Whole(), leg, samples=80, progress=lambda what, share: told.append(share))
+    report.raise_if_failed()
+    assert report.passed
+    assert report.causes == ()
+    assert report.not_given == ()
+    assert report.not_compared == {}
+    assert report.notes == ()
+    assert len(report.checks) == len(METHODS) + 2  # torque and generalized force with a foot force
+    assert all(check.findings == () and check.follows_from == "" and check.share == 0.0 for check in report.checks)
+    assert all(check.worst < 1e-12 for check in report.checks)
+    assert {check.samples for check in report.checks if check.method != "inverse_kinematics"} == {80}
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
+def test_what_is_missing_is_listed(leg):
+    report = held(SimpleNamespace(foot_position=MyLeg().foot_position, jacobian=MyLeg().jacobian), leg)
+    assert report.passed
+    assert [check.method for check in report.checks] == ["foot_position", "jacobian"]
+    assert report.not_given == tuple(name for name in METHODS if name not in ("foot_position", "jacobian"))
+
+
+def negated(*index):
+    def change(value, *_, **__):
+        value[index] *= -1.0
+        return value
+
+    return change
+
+
+def exchanged(axis, *order):
+    return lambda value, *_, **__: value.take(order, axis=axis)
+
+
+def scaled(factor):
+    return lambda value, *_, **__: factor * value
+
+
+SLICE = slice(None)
+
+# Method, planted error, what the report has to say.
+PLANTED = [
+    ("foot_position", negated(2), "foot z is the negative of the reference: a sign error"),
+    ("foot_position", scaled(1000.0), "every entry is 1000 times (millimetres for metres) the reference"),
+    ("foot_position", lambda p, *_: np.add(p, [0.0, 0.0, 0.02]), "foot z is off by the constant 0.02"),
+    ("foot_position", exchanged(0, 2, 1, 0), "the entries x, z are exchanged"),
+    ("jacobian", negated(SLICE, 1), "every entry of column theta2 is the negative of the reference: a sign error"),
+    ("jacobian", negated(2, SLICE), "every entry of row z is the negative of the reference: a sign error"),
+    ("jacobian", negated(2, 1), "d foot z / d theta2 is the negative of the reference: a sign error"),
+    ("jacobian", scaled(2.0), "every entry is twice the reference"),
+    ("jacobian", scaled(math.pi / 180.0), "every entry is pi/180 times (degrees for radians) the reference"),
+    ("jacobian", scaled(-0.5), "every entry is minus half the reference"),
+    ("jacobian", scaled(0.7), "every entry is 0.7 times the reference"),
+    ("jacobian", scaled(0.0), "every entry is zero"),
+    ("jacobian", exchanged(1, 1, 0), "the columns theta1, theta2 are exchanged"),
+    ("jacobian", exchanged(0, 2, 1, 0), "the rows x, z are exchanged"),
+    ("jacobian_derivative", negated(SLICE, 0), "every entry of column theta1 is the negative of the reference"),
+    ("foot_velocity", scaled(-1.0), "every entry is the negative of the reference: a sign error"),
+    ("mass_matrix", lambda M, q: np.add(M, [[0, q[0]], [-q[0], 0]]), "the symmetric part agrees"),
+    ("mass_matrix", lambda M, q: np.add(M, [[0.01, 0], [0, 0]]), "M[theta1, theta1] is off by the constant 0.01"),
+    ("kinetic_energy", scaled(2.0), "every value is twice the reference"),
+    ("potential_energy", lambda V, q: V + 3.0, "every value is off by the constant 3"),
+    ("potential_energy", scaled(1.0 / 9.81), "every value is 1/g times (g is missing) the reference"),
+    ("gravity_torque", negated(0), "theta1 is the negative of the reference: a sign error"),
+    ("gravity_torque", scaled(0.5), "every entry is half the reference"),
+    ("bias", lambda h, q, v: h - MyLeg().gravity_torque(q), "every entry: without the gravity term"),
+    ("bias", lambda h, q, v: np.array(MyLeg().gravity_torque(q)), "every entry: without the velocity terms"),
+    ("bias", lambda h, q, v: h - 2.0 * np.array(MyLeg().gravity_torque(q)), "wrong sign of the gravity term"),
+    ("bias", lambda h, q, v: h + v**3, "agrees at v = 0: the velocity terms are wrong"),
+    ("torque", lambda t, q, v, a, foot_force=None: t + a**2, "agrees at a = 0: the inertia term is wrong"),
+    ("torque", lambda t, q, v, a, foot_force=None: t + MyLeg().mass_matrix(q) @ a, "twice the inertia term M a"),
+    ("acceleration", lambda a, q, v, tau: a + v**3, "agrees at v = 0: the velocity terms are wrong"),
+    ("acceleration", lambda a, q, v, tau: MyLeg().acceleration(q, v, 0 * tau), "without the actuators' term"),
+]
+
+
+@pytest.mark.parametrize(("method", "change", "said"), PLANTED, ids=[f"{m}: {s[:40]}" for m, _, s in PLANTED])
+def test_a_planted_error_is_found_and_named(leg, method, change, said):
+    # Only what computes with the changed method may fail beside it.
+    report = held(changed(method, change, MyLeg if method == "torque" else Whole), leg)
+    found = [check for check in report.causes if check.method == method]
+    assert found, [check.method for check in report.causes]
+    assert any(said in text for text in found[0].findings), found[0].findings
+    assert {check.method for check in report.causes} == {method}
+
+
+def test_the_failing_row_has_all_evidence(leg):
+    own = Whole("jacobian")
+    found = cause(held(own, leg), "jacobian")
+    assert found.label == "jacobian (4)"
+    assert found.component == "d foot z / d theta2"
+    q = [found.at["theta1"], found.at["theta2"]]
+    assert found.own == own.jacobian(q)[2][1]
+    assert found.reference == pytest.approx(leg.jacobian(q)[2, 1], abs=1e-14)
+    assert found.share == 1.0
+    assert found.worst == pytest.approx(abs(found.own - found.reference) / (1 + np.abs(leg.jacobian(q)).max()))
+    assert "the foot Jacobian is not the derivative of the own position, although foot position agrees" in str(
+        found.findings
+    )
+
+
+# ---------------------------------------------------------------------- upstream first
+
+
+def test_a_wrong_length_is_found_in_the_position_and_not_in_what_follows(leg):
+    class Longer(Whole):
+        l2 = 0.25
+
+    report = held(Longer(), leg)
+    follows = {check.method: check.follows_from for check in report.checks if not check.passed and check.component}
+    assert {check.method for check in report.causes} == {"foot_position"}
+    for method in ("jacobian", "jacobian_derivative", "foot_velocity", "foot_acceleration", "torque"):
+        assert follows[method] == "foot_position"
+    assert follows["inverse_kinematics"] == "foot_position"
+    own = verdicts(report, "own formulas among themselves")
+    assert own["is the derivative of the own position"]
+    assert own["is inverse to the own position"]
+
+
+def test_an_error_of_its_own_beside_one_further_up(leg):
+    class Both(Whole):
+        l2 = 0.25
+
+        def jacobian(self, q):
+            J = np.array(super().jacobian(q))
+            J[0, 0] *= -1.0
+            return J
+
+    report = held(Both(), leg)
+    assert [check.method for check in report.causes][:2] == ["foot_position", "jacobian"]
+    text = "; ".join(report.causes[1].findings)
+    assert "is not the derivative of the own position, an error here beside that in foot position" in text
+
+
+@pytest.mark.parametrize(
+    ("fault", "method", "followers"),
+    [
+        ("mass", "mass_matrix", {"kinetic_energy", "bias", "generalized_force", "torque", "acceleration"}),
+        ("coriolis", "bias", {"generalized_force", "torque", "acceleration"}),
+        ("gravity", "gravity_torque", {"bias", "generalized_force", "torque", "acceleration"}),
+    ],
+)
+def test_dynamics_upstream(leg, fault, method, followers):
+    report = held(Whole(fault), leg)
+    assert {check.method for check in report.causes} == {method}
+    group = [check for check in report.checks if check.group == "against the file"]
+    assert {check.method: check.follows_from for check in group if check.follows_from} == dict.fromkeys(
+        followers, method
+    )
+    if fault == "coriolis":
+        assert "wrong sign of the velocity terms" in str(report.causes[0].findings)
+
+
+def test_an_energy_that_explains_the_gravity_torque(leg):
+    class Heavier(Whole):
+        def potential_energy(self, q):
+            return 1.1 * super().potential_energy(q)
+
+        def gravity_torque(self, q):
+            return 1.1 * np.array(super().gravity_torque(q))
+
+    assert {check.method for check in held(Heavier(), leg).causes} == {"potential_energy"}
+
+
+def test_torque_against_the_bias_where_there_is_no_mass_matrix(leg):
+    class Few:
+        bias, torque = Whole("coriolis").bias, Whole("coriolis").torque
+
+    report = held(Few(), leg)
+    cause(report, "bias")
+    assert verdicts(report, "own formulas among themselves") == {"is the bias force at a = 0": True}
+
+
+def test_the_foot_force_with_the_opposite_sign(leg):
+    report = held(MyLeg("foot_force"), leg)
+    found = cause(report, "torque")
+    assert found.quantity == "torque with foot force"
+    text = "; ".join(found.findings)
+    assert "wrong sign of the foot force's term" in text
+    assert "own values differ by 2 J^T foot_force: foot_force is what the environment applies to the foot" in text
+    assert "agrees without foot force" in text
+    assert verdicts(report)["torque"]
+
+
+def test_a_foot_force_that_nothing_is_done_with(leg):
+    own = SimpleNamespace(torque=lambda q, v, a, foot_force: MyLeg().torque(q, v, a))
+    found = cause(held(own, leg), "torque")
+    assert "the argument foot_force changes nothing" in found.findings
+
+
+# ---------------------------------------------------------------------- meaning of the angles
+
+
+@pytest.mark.parametrize(
+    ("angles", "said"),
+    [
+        (np.radians, "true if the angles were in degrees"),
+        (lambda q: [q[0], -q[1]], "true if theta2 counted in the opposite direction"),
+        (lambda q: [q[0], q[1] + q[0]], "true if theta2 were theta2 + theta1: absolute and relative angle"),
+        (lambda q: [q[0], q[1] - q[0]], "true if theta2 were theta2 - theta1: absolute and relative angle"),
+    ],
+    ids=["degrees", "direction", "relative", "absolute"],
+)
+def test_angles_of_another_meaning(leg, angles, said):
+    right = MyLeg()
+    own = SimpleNamespace(foot_position=lambda q: right.foot_position(angles(q)))
+    assert said in cause(held(own, leg), "foot_position").findings
+
+
+def test_an_error_in_one_region(leg):
+    right = MyLeg()
+
+    def foot_position(q):
+        x, y, z = right.foot_position(q)
+        return [x + 0.1 * max(0.0, q[0] - 0.5) ** 2, y, z]
+
+    found = cause(held(SimpleNamespace(foot_position=foot_position), leg), "foot_position")
+    (text,) = [text for text in found.findings if "nowhere else" in text]
+    assert text.startswith("disagrees at those where theta1 > 0.")
+    assert "only foot x off, the other entries agree" in found.findings
+    assert 0.2 < found.share < 0.8
+
+
+# ---------------------------------------------------------------------- joint angles and inverse kinematics
+
+
+def test_assemble(leg):
+    right = MyLeg()
+    whole_turn = SimpleNamespace(assemble=lambda q: right.assemble(q) | {"knee": q[1] - q[0] + 2 * math.pi})
+    assert held(whole_turn, leg).passed
+    some = SimpleNamespace(assemble=lambda q: {"knee": q[1] - q[0]})
+    assert held(some, leg).passed
+    wrong = SimpleNamespace(assemble=lambda q: right.assemble(q) | {"knee": q[0] - q[1]})
+    found = cause(held(wrong, leg), "assemble")
+    assert found.component == "knee"
+    assert "knee is the negative of the reference: a sign error" in found.findings
+
+
+def test_assemble_in_another_mode(leg):
+    # Mirror the kite of thigh, shank stub, coupler and crank at its diagonal from knee to crank pin.
+    right = MyLeg()
+
+    def assemble(q):
+        t1, t2 = q
+        knee = np.array([right.l1 * math.sin(t1), -right.l1 * math.cos(t1)])
+        pin = np.array([-right.b * math.sin(t2), right.b * math.cos(t2)])
+        along = (pin - knee) / np.linalg.norm(pin - knee)
+        end = knee + np.array([-right.b * math.sin(t2), right.b * math.cos(t2)])
+        mirrored = knee + 2.0 * along * (along @ (end - knee)) - (end - knee)
+        shank = math.atan2(-(mirrored - knee)[0], (mirrored - knee)[1])
+        coupler = math.atan2((mirrored - pin)[0], -(mirrored - pin)[1])
+        return {"theta1": t1, "theta2": t2, "knee": shank - t1, "crank_pin": coupler - t2}
+
+    found = cause(held(SimpleNamespace(assemble=assemble), leg), "assemble")
+    assert "another assembly mode than the file's configuration" in str(found.findings)
+
+
+@pytest.mark.parametrize(
+    ("returned", "said"),
+    [
+        ([0.0, 1.0], "returned list, expected a mapping of joint name to coordinate"),
+        ({"elbow": 0.0}, "names elbow: the file's joints are"),
+        ({"knee": "bent"}, "no array of numbers"),
+        ({}, "returned a mapping without joints"),
+    ],
+)
+def test_assemble_of_no_use(leg, returned, said):
+    found = cause(held(SimpleNamespace(assemble=lambda q: returned), leg, samples=10), "assemble")
+    assert said in found.detail
+
+
+def test_inverse_kinematics(leg):
+    right = MyLeg()
+    elsewhere = SimpleNamespace(
+        foot_position=right.foot_position,
+        inverse_kinematics=lambda p: np.add(right.inverse_kinematics(p), [0.1, 0.0]),
+    )
+    found = cause(held(elsewhere, leg), "inverse_kinematics")
+    assert "of the joint coordinates, theta1 is off by the constant 0.1" in str(found.findings)
+    assert "the inverse kinematics is not inverse to the own position, although foot position agrees" in str(
+        found.findings
+    )
+    lost = SimpleNamespace(inverse_kinematics=lambda p: [0.3, 0.3])
+    assert "cannot be assembled at the joint coordinates found" in cause(held(lost, leg), "inverse_kinematics").detail
+
+
+# ---------------------------------------------------------------------- what formulas do instead of returning numbers
+
+
+def explode(q):
+    raise RuntimeError("no such root")
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (explode, "raised RuntimeError: no such root (test_own_formulas.py:"),
+        (lambda q: [math.nan, 0.0, 0.0], "returned NaN or infinity, at 12 of 12 states"),
+        (lambda q: [math.inf, 0.0, 0.0], "returned NaN or infinity"),
+        (lambda q: [0.0, 0.0], "returned shape (2,), expected (3,)"),
+        (lambda q: np.zeros((3, 1)), "returned shape (3, 1), expected (3,): return a flat array, .ravel()"),
+        (lambda q: None, "returned nothing: is a return missing?"),
+        (lambda q: "down", "returned str that is no array of numbers"),
+        (lambda q: [[1.0], [1.0, 2.0]], "no regular array of numbers"),
+        (lambda q: [1j, 0.0, 0.0], "returned complex numbers"),
+        (
+            lambda q, extra: [0.0, 0.0, 0.0],
+            "cannot be called as foot_position(q): missing a required argument: 'extra'",
+        ),
+        (lambda: [0.0, 0.0, 0.0], "cannot be called as foot_position(q): too many positional arguments"),
+    ],
+    ids=["raise", "nan", "inf", "shape", "column", "none", "text", "ragged", "complex", "extra", "no argument"],
+)
+def test_no_numbers(leg, function, said):
+    report = held(SimpleNamespace(foot_position=function, mass_matrix=MyLeg().mass_matrix), leg, samples=12)
+    found = cause(report, "foot_position")
+    assert said in found.detail
+    assert math.isnan(found.worst)
+    assert found.share == 1.0
+    assert verdicts(report) == {"foot position": False, "mass matrix": True}
+    assert json.loads(report.to_json())["checks"][0]["own"] is None
+
+
+def test_an_exception_at_some_states(leg):
+    def foot_position(q):
+        math.sqrt(0.4 - q[0])
+        return MyLeg().foot_position(q)
+
+    found = cause(held(SimpleNamespace(foot_position=foot_position), leg), "foot_position")
+    # The text of a domain error differs between versions of Python.
+    assert found.detail.startswith("raised ValueError: ")
+    assert "all those where theta1 > 0." in found.detail
+    assert 0.2 < found.share < 0.95
+    assert f"at {round(60 * found.share)} of 60 states" in found.detail
+
+
+def test_an_interrupt_is_not_swallowed(leg):
+    def foot_position(q):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        held(SimpleNamespace(foot_position=foot_position), leg, samples=5)
+
+
+def test_formulas_may_change_what_they_are_given_and_return_the_same_array(leg):
+    result = np.zeros(3)
+
+    def foot_position(q):
+        result[:] = MyLeg().foot_position(q)
+        q[:] = 0.0
+        return result
+
+    assert held(SimpleNamespace(foot_position=foot_position, mass_matrix=MyLeg().mass_matrix), leg).passed
+
+
+# ---------------------------------------------------------------------- coordinates, gravity, names of equations
+
+
+class Permuted:
+    """A loaded leg with its coordinates in another order."""
+
+    def __init__(self, leg, order, names=True):
+        self.leg, self.order, self.back = leg, list(order), list(np.argsort(order))
+        if names:
+            self.joint_names = [leg.joint_names[i] for i in order]
+
+    def foot_position(self, q):
+        return self.leg.foot_position(q[self.back])
+
+    def jacobian(self, q):
+        return self.leg.jacobian(q[self.back])[:, self.order]
+
+    def mass_matrix(self, q):
+        return self.leg.mass_matrix(q[self.back])[np.ix_(self.order, self.order)]
+
+    def bias(self, q, v):
+        return self.leg.bias(q[self.back], v[self.back])[self.order]
+
+    def torque(self, q, v, a, foot_force, gravity):
+        return self.leg.torque(q[self.back], v[self.back], a[self.back], foot_force, gravity)[self.order]
+
+    def acceleration(self, q, v, tau):
+        return self.leg.acceleration(q[self.back], v[self.back], tau[self.back])[self.order]
+
+    def inverse_kinematics(self, p):
+        return self.leg.inverse_kinematics(p)[self.order]
+
+
+def test_another_order_of_the_coordinates():
+    # A cyclic order is not its own inverse.
+    other, reference = ld.load("omnileg", "pinocchio"), ld.load("omnileg")
+    report = held(Permuted(other, (1, 2, 0)), reference, samples=10)
+    report.raise_if_failed()
+    assert len(report.checks) == 9
+    unsaid = held(Permuted(other, (1, 2, 0), names=False), reference, samples=10)
+    assert not verdicts(unsaid)["foot Jacobian"]
+
+
+def test_a_loaded_leg_is_an_object_with_the_methods_too(leg):
+    report = held(ld.load(EXAMPLES / "my_leg.urdf"), leg, samples=12)
+    report.raise_if_failed()
+    assert report.not_given == ()
+    assert "torque, tilted" in verdicts(report)
+
+
+def test_actuator_names(leg):
+    class Motors:
+        actuator_names = ("crank_motor", "thigh_motor")
+
+        def torque(self, q, v, a):
+            return MyLeg().torque(q, v, a)[::-1]
+
+    assert held(Motors(), leg).passed
+    Motors.actuator_names = ("theta2", "theta1")
+    assert held(Motors(), leg).passed
+    Motors.actuator_names = ("thigh_motor", "crank_motor")
+    assert "the entries thigh_motor, crank_motor are exchanged" in cause(held(Motors(), leg), "torque").findings
+
+
+class Tilted(MyLeg):
+    """Torque with any gravity in the plane."""
+
+    def torque(self, q, v, a, gravity=None):
+        tau = super().torque(q, v, a)
+        if gravity is not None:
+            tau = tau - self.gravity_torque(q) + self.pull(q, np.asarray(gravity))
+        return tau
+
+    def pull(self, q, gravity):
+        moments = np.array(self.gravity_torque(q)) / (self.g * np.sin(q))
+        return moments * (-gravity[2] * np.sin(q) - gravity[0] * np.cos(q))
+
+
+def test_a_tilted_gravity(leg):
+    report = held(Tilted(), leg)
+    report.raise_if_failed()
+    assert "torque, tilted" in verdicts(report)
+
+
+def test_a_gravity_of_the_wrong_frame(leg):
+    class Wrong(Tilted):
+        def pull(self, q, gravity):
+            return super().pull(q, gravity * [-1.0, 1.0, 1.0])
+
+    found = cause(held(Wrong(), leg), "torque")
+    assert found.quantity == "torque, tilted"
+    assert "agrees with the file's gravity" in found.findings
+    assert "agrees without gravity: the gravity term is wrong" in found.findings
+
+
+def test_a_gravity_that_is_ignored(leg):
+    class Ignoring(MyLeg):
+        def torque(self, q, v, a, gravity=None):
+            return super().torque(q, v, a)
+
+    assert "the argument gravity changes nothing" in cause(held(Ignoring(), leg), "torque").findings
+
+
+def test_a_gravity_argument_that_is_a_number(leg):
+    class Scalar(MyLeg):
+        def gravity_torque(self, q, gravity=9.81):
+            return super().gravity_torque(q)
+
+    report = held(Scalar(), leg)
+    assert report.passed
+    assert report.notes == ("gravity of gravity_torque is a number, so that it was not tilted",)
+
+
+@pytest.mark.parametrize("given", [9.8, (0.0, 0.0, -9.8), np.float64(-9.8)])
+def test_the_gravity_of_the_formulas(leg, given):
+    class Lighter(Whole):
+        g = 9.8
+        gravity = given
+
+    report = held(Lighter(), leg)
+    report.raise_if_failed()
+    assert "instead of the file's: (0, 0, -9.8) and (0, 0, -9.81) m/s²" in report.notes[0]
+    Lighter.gravity = None
+    assert not held(Lighter(), leg).passed
+
+
+def test_names_of_equations(leg):
+    class Named:
+        def __init__(self):
+            self.equations = {"jacobian": "(2.17)", "bias": 12}
+
+        def jacobian(self, q):
+            """Nothing to see (4)."""
+            return MyLeg().jacobian(q)
+
+        def bias(self, q, v):
+            return MyLeg().bias(q, v)
+
+        def mass_matrix(self, q):
+            """Of Xu, eqs. (7)-(9).
+
+            And not (10).
+            """
+            return MyLeg().mass_matrix(q)
+
+        def torque(self, q, v, a):
+            """Torque (11) at the motors."""
+            return MyLeg().torque(q, v, a)
+
+    labels = {check.method: check.equation for check in held(Named(), leg, samples=10).checks}
+    assert labels == {"jacobian": "(2.17)", "bias": "12", "mass_matrix": "(7)-(9)", "torque": ""}
+
+
+# ---------------------------------------------------------------------- refusals
+
+
+def position(q):
+    return MyLeg().foot_position(q)
+
+
+@pytest.mark.parametrize(
+    ("own", "said"),
+    [
+        (MyLeg, "MyLeg is a class: pass an object, MyLeg(...)"),
+        (object(), "none of the interface's methods"),
+        ("omnileg", "none of the interface's methods"),
+        (SimpleNamespace(foot_position=[1.0, 2.0, 3.0]), "none of the interface's methods"),
+        (SimpleNamespace(foot_position=position, joint_names=("a", "b")), "joint_names is (a, b)"),
+        (SimpleNamespace(foot_position=position, joint_names=("theta1",)), "joint_names is (theta1)"),
+        (SimpleNamespace(foot_position=position, joint_names="theta1"), "must be a list of names"),
+        (SimpleNamespace(foot_position=position, actuator_names=("a", "b")), "actuator_names is (a, b)"),
+        (SimpleNamespace(foot_position=position, equations={"jacobien": "(1)"}), "did you mean 'jacobian'?"),
+        (SimpleNamespace(foot_position=position, equations=["(1)"]), "must be a mapping"),
+        (SimpleNamespace(foot_position=position, gravity=(0.0, 9.81)), "gravity must be a vector (3,)"),
+        (SimpleNamespace(foot_position=position, gravity=math.nan), "gravity must be a vector (3,)"),
+        (SimpleNamespace(foot_position=position, gravity="down"), "gravity must be a vector (3,)"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else type(value).__name__,
+)
+def test_objects_that_do_not_fit(leg, own, said):
+    with pytest.raises(ParameterError) as caught:
+        held(own, leg, samples=5)
+    assert said in str(caught.value)
+
+
+def test_a_property_that_fails(leg):
+    class Broken:
+        @property
+        def joint_names(self):
+            raise OSError("no file")
+
+        foot_position = staticmethod(position)
+
+    with pytest.raises(ParameterError, match="joint_names of Broken cannot be read: OSError: no file"):
+        held(Broken(), leg, samples=5)
+
+
+@pytest.mark.parametrize("number", [100, 3.0, np.int64(5), True])
+def test_a_number_is_no_leg(number):
+    with pytest.raises(ParameterError, match="write samples="):
+        ld.crosscheck("omnileg", number)
+
+
+def test_arguments(leg):
+    with pytest.raises(ShapeError, match="samples"):
+        ld.crosscheck(MyLeg(), leg, samples=0)
+    with pytest.raises(ParameterError, match="loaded already"):
+        ld.crosscheck(MyLeg(), leg, foot="foot")
+    with pytest.raises(ParameterError, match="goes with own formulas"):
+        ld.crosscheck("omnileg", tolerance=1e-6)
+    for tolerance in (0.0, -1e-9, 1.0, math.nan, True, "1e-6"):
+        with pytest.raises(ParameterError, match="tolerance must be a number"):
+            ld.crosscheck(MyLeg(), leg, samples=5, tolerance=tolerance)
+    report = ld.crosscheck(MyLeg(), EXAMPLES / "my_leg.urdf", samples=5, route="pinocchio")
+    assert report.routes == ("own formulas", "pinocchio")
+    assert report.passed
+    text = (EXAMPLES / "my_leg.urdf").read_text(encoding="utf-8")
+    assert ld.crosscheck(MyLeg(), text, samples=5).passed
+
+
+def test_a_tolerance_for_rounded_constants(leg):
+    class Rounded(MyLeg):
+        g = 9.8100001
+
+    assert not held(Rounded(), leg).passed
+    assert held(Rounded(), leg, tolerance=1e-6).passed
+    assert not held(MyLeg("gravity"), leg, tolerance=1e-6).passed
+
+
+def test_a_leg_without_a_foot(pendulum):
+    text = pendulum()
+    reference = ld.load(text)
+    with pytest.raises(MissingFootError, match="pass foot="):
+        ld.crosscheck(SimpleNamespace(jacobian=position), text, samples=5)
+    own = SimpleNamespace(mass_matrix=reference.mass_matrix, bias=reference.bias, torque=reference.torque)
+    report = ld.crosscheck(own, text, samples=5)
+    report.raise_if_failed()
+    assert "torque with foot force" not in verdicts(report)
+    with_foot = ld.load(text, foot="tip")
+    report = ld.crosscheck(SimpleNamespace(torque=with_foot.torque), text, samples=5, foot="tip")
+    assert report.passed
+    assert "torque with foot force" in verdicts(report)
+
+
+def test_friction_is_no_error_of_the_velocity_terms(pendulum):
+    # The relation of bias and mass matrix is asked only where one of them fails: let M be wrong.
+    text = pendulum(0.02, 0.01)
+    reference = ld.load(text)
+    own = SimpleNamespace(bias=reference.bias, mass_matrix=lambda q: reference.mass_matrix(q) + np.diag([0.1, 0.0]))
+    report = ld.crosscheck(own, text, samples=60)
+    cause(report, "mass_matrix")
+    assert verdicts(report, "own formulas among themselves") == {
+        "has the velocity terms that the derivatives of M give": True
+    }
+
+
+def test_torques_that_are_not_unique(pendulum):
+    driven = '<transmission name="t"><joint name="first"/><actuator name="motor"/></transmission></robot>'
+    text = pendulum().replace("</robot>", driven)
+    reference = ld.load(text)
+    own = SimpleNamespace(bias=reference.bias, torque=lambda q, v, a: reference.bias(q, v)[:1])
+    report = ld.crosscheck(own, text, samples=5)
+    assert report.passed
+    assert "under-actuated" in report.not_compared["torque"]
+    assert {check.method for check in report.checks} == {"bias"}
+
+
+# ---------------------------------------------------------------------- the report
+
+
+def test_the_report_as_text_json_and_error(leg):
+    report = held(MyLeg("jacobian"), leg)
+    stream = io.StringIO()
+    Console(file=stream, width=150).print(report)
+    shown = stream.getvalue()
+    assert "MyLeg against my_leg by symbolic, seed 0" in shown
+    assert "jacobian (4): foot Jacobian\n  d foot z / d theta2 is " in shown
+    assert "follows from jacobian" in shown
+    assert "not given: foot_velocity, generalized_force" in shown
+    values = json.loads(report.to_json())
+    assert values["not_given"] == ["foot_velocity", "generalized_force"]
+    (failing,) = [
+        each for each in values["checks"] if each["method"] == "jacobian" and each["group"] == "against the file"
+    ]
+    assert failing["component"] == "d foot z / d theta2"
+    assert failing["equation"] == "(4)"
+    assert any("sign error" in text for text in failing["diagnosis"])
+    with pytest.raises(CrosscheckError, match=r"jacobian \(4\): foot Jacobian: d foot z / d theta2 is") as caught:
+        report.raise_if_failed()
+    assert "more follow from these" in str(caught.value)
+    assert len(caught.value.checks) == sum(not check.passed for check in report.checks)
+
+
+def test_the_same_seed_gives_the_same_report(leg):
+    first, again, other = (held(MyLeg("mass"), leg, samples=20, seed=seed).to_dict() for seed in (4, 4, 5))
+    assert first == again
+    assert first["checks"] != other["checks"]
