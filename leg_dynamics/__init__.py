@@ -11,11 +11,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from leg_dynamics.analysis.singularities import singularity
     from leg_dynamics.leg import Leg
     from leg_dynamics.routes import available, load
     from leg_dynamics.verification.crosscheck import crosscheck
 
-__all__ = ["Leg", "__version__", "available", "crosscheck", "load"]
+__all__ = ["Leg", "__version__", "available", "crosscheck", "load", "singularity"]
 
 __version__ = "0.1.0"
 
@@ -24,6 +25,7 @@ _HOMES = {
     "available": "leg_dynamics.routes",
     "crosscheck": "leg_dynamics.verification",
     "load": "leg_dynamics.routes",
+    "singularity": "leg_dynamics.analysis.singularities",
 }
 
 

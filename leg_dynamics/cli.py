@@ -33,6 +33,7 @@ from leg_dynamics.errors import (
     NonFiniteError,
     OutputError,
     RouteError,
+    RowError,
     StudyError,
     TrajectoryError,
     UnsupportedError,
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from leg_dynamics.analysis.gait import GaitStudy, Robot, Tilt
     from leg_dynamics.analysis.trajectories import Trajectory
     from leg_dynamics.analysis.workspace import Workspace
+    from leg_dynamics.inspection import Inspection
     from leg_dynamics.leg import Leg
     from leg_dynamics.preview import Cloud
 
@@ -57,6 +59,8 @@ EXIT_CODES = (
     "Exit codes: 0 done; 1 a check failed or two routes disagree; 2 bad usage, bad input or unwritable output, said "
     "in one line; 130 interrupted."
 )
+SHOWN_MODES, SHOWN_JOINTS = 8, 6
+LEAST_DIFFERENCE = 1e-6
 AGREEMENT = 1e-9
 """Two routes agree where their difference is at most this times (1 + magnitude)."""
 CHUNK = 256
@@ -109,6 +113,10 @@ UrdfOption = Annotated[
 RouteOption = Annotated[
     str | None,
     typer.Option("--route", metavar="ROUTE", help="closed_form, pinocchio, ...; the leg's default if absent."),
+]
+ModeOption = Annotated[
+    str | None,
+    typer.Option("--mode", metavar="NAME", help="The assembly mode, as `info` lists them; default: the file's home."),
 ]
 TransmissionOption = Annotated[
     str,
@@ -281,10 +289,17 @@ def info_leg(
     urdf: UrdfOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show a leg's coordinates, limits, actuators, parameters and mobility."""
-    model = _load(leg, route, set_, foot, urdf)
+    """Check a mechanism file: coordinates, limits, loops, mobility, actuation, assembly modes; exit 1 on errors."""
+    report = _inspected(leg, set_, foot, urdf)
+    if report.leg is None:
+        _show_unreadable(report, as_json)
+        raise typer.Exit(FAILED)
+    with warnings.catch_warnings():
+        # They are among the findings.
+        warnings.simplefilter("ignore", LegDynamicsWarning)
+        model = _load(leg, route, set_, foot, urdf)
     mechanism = model.description
-    mobility = _mobility(model)
+    mobility = report.mobility
     moving_mass = math.fsum(link.inertial.mass for link in mechanism.links if link.inertial is not None)
     joints = [
         {
@@ -320,9 +335,11 @@ def info_leg(
                 "joints": joints,
                 "actuators": actuators,
                 "parameters": parameters,
-                "mobility": None if mobility is None else mobility.to_dict(),
             }
+            | report.to_dict()
         )
+        if not report.passed:
+            raise typer.Exit(FAILED)
         return
     console = _console()
     table = _table(f"{mechanism.name}", "", "")
@@ -346,6 +363,9 @@ def info_leg(
         console.print(table)
     if mobility is not None:
         console.print(mobility)
+    _show_inspection(console, report)
+    if not report.passed:
+        raise typer.Exit(FAILED)
 
 
 @_command("render")
@@ -400,6 +420,14 @@ def torque_leg(
     set_: SetOption = None,
     foot: FootOption = None,
     urdf: UrdfOption = None,
+    mode: ModeOption = None,
+    allow_idle: Annotated[
+        bool,
+        typer.Option("--allow-idle", help="Leave motions that no actuator holds unbalanced, and show by how much."),
+    ] = False,
+    bounded: Annotated[
+        bool, typer.Option("--bounded", help="Keep redundant actuators within the file's effort limits.")
+    ] = False,
     output: Annotated[
         Path | None, typer.Option("--output", parser=_path, metavar="F.csv", help="Write the table here.")
     ] = None,
@@ -416,7 +444,7 @@ def torque_leg(
     load = _Load.read(foot_force, force_window, support_force)
     from leg_dynamics.routes import sibling
 
-    model = _load(leg, route, set_, foot, urdf, transmission)
+    model = _load(leg, route, set_, foot, urdf, transmission, mode)
     if compare == model.route:
         raise typer.BadParameter(
             f"{compare} is the route itself; compare it with another one, or choose another --route",
@@ -424,12 +452,12 @@ def torque_leg(
         )
     motion = _trajectory(model, trajectory, duration, rate, ignore_limits)
     motion = load.on(motion, model, trajectory)
-    efforts = _torque(model, motion)
-    result = _summary(model, motion, efforts)
+    efforts, residual = _efforts(model, motion, allow_idle, bounded)
+    result = _summary(model, motion, efforts, residual)
     other = None
     if compare is not None:
         second = sibling(model, compare)
-        other = _torque(second, motion)
+        other, _ = _efforts(second, motion, allow_idle, bounded)
         result["comparison"] = _comparison(model, second, efforts, other)
     files: dict[str, str] = {}
     if output is not None:
@@ -459,10 +487,29 @@ def crosscheck_leg(
     foot: FootOption = None,
     urdf: UrdfOption = None,
     transmission: TransmissionOption = "exact",
+    own: Annotated[
+        str | None,
+        typer.Option(
+            "--own",
+            metavar="FILE.py:NAME",
+            help="Compare formulas of your own with the leg instead: a class, an object, or without NAME the functions "
+            "of the file. This imports the file and runs its code.",
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option("--tolerance", metavar="X", help="Of own formulas, relative to 1 + magnitude; 1e-9 if absent."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Compare the leg's routes with each other and with physical laws; exit 1 if they disagree."""
-    report = _crosscheck(leg, samples, seed, **_load_options(set_, foot, urdf, transmission))
+    options = _load_options(set_, foot, urdf, transmission)
+    if own is not None:
+        report = _own_crosscheck(own, leg, samples, seed, tolerance, **options)
+    elif tolerance is not None:
+        raise typer.BadParameter("it goes with formulas of your own, --own", param_hint="--tolerance")
+    else:
+        report = _crosscheck(leg, samples, seed, **options)
     if as_json:
         _print_json(report.to_dict())
     else:
@@ -984,10 +1031,11 @@ def _load(
     foot: str | None = None,
     urdf: Path | None = None,
     transmission: str = "exact",
+    mode: str | None = None,
 ) -> Leg:
     import leg_dynamics
 
-    options = _load_options(set_, foot, urdf, transmission)
+    options = _load_options(set_, foot, urdf, transmission) | {"mode": mode}
     with _error_console().status("loading"):
         return leg_dynamics.load(name, route, **options)
 
@@ -1236,14 +1284,37 @@ def _is_named(leg: Leg, choice: str | None) -> bool:
 
 
 def _torque(leg: Leg, motion: Trajectory) -> np.ndarray:
+    return _efforts(leg, motion)[0]
+
+
+def _efforts(
+    leg: Leg, motion: Trajectory, allow_idle: bool = False, bounded: bool = False
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Efforts along a motion, (N, m), in one assembly mode, and what they leave unbalanced, (N, n), where allowed."""
     import numpy as np
 
-    parts = []
+    from leg_dynamics.analysis.trajectories import assemble_along
+    from leg_dynamics.analysis.trajectories.following import located
+
+    with _error_console().status("following the assembly mode"):
+        assemble_along(leg, motion)
+    policy: dict[str, Any] = {"bounds": True} if bounded else {}
+    parts: list[np.ndarray] = []
+    left: list[np.ndarray] = []
     for rows in _chunks(len(motion), f"torque, {leg.route}"):
         force = None if motion.foot_force is None else motion.foot_force[rows]
-        # An overflow is told below.
-        with np.errstate(over="ignore", invalid="ignore"):
-            parts.append(leg.torque(motion.q[rows], motion.v[rows], motion.a[rows], foot_force=force))
+        state: Any = motion.q[rows], motion.v[rows], motion.a[rows], force
+        try:
+            # An overflow is told below.
+            with np.errstate(over="ignore", invalid="ignore"):
+                if allow_idle:
+                    torque, residual = leg.torque(*state, allow_idle=True, **policy)
+                    left.append(residual)
+                else:
+                    torque = leg.torque(*state, **policy)
+        except RowError as error:
+            raise located(error, leg, motion, rows.start) from error
+        parts.append(torque)
     efforts = np.concatenate(parts)
     # Written so that a NaN fails.
     bad = np.argwhere(~(np.abs(efforts) <= MAX_EFFORT))
@@ -1255,7 +1326,7 @@ def _torque(leg: Leg, motion: Trajectory) -> np.ndarray:
             "parameters",
             rows=np.unique(bad[:, 0]),
         )
-    return efforts
+    return efforts, np.concatenate(left) if left else None
 
 
 def _animation(leg: Leg, motion: Trajectory) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
@@ -1331,16 +1402,14 @@ def _workspace_cloud(leg: Leg) -> Cloud:
     return Cloud.of(poses.foot @ hip[:3, :3].T + hip[:3, 3], poses.condition, "points: condition number")
 
 
-def _mobility(leg: Leg) -> Any:
-    """Mobility report of the leg, by the route that has one; None where no route has."""
-    from leg_dynamics.routes import sibling
+def _inspected(name: str, set_: Sequence[str] | None, foot: str | None, urdf: Path | None) -> Inspection:
+    from leg_dynamics.inspection import inspect
 
-    with contextlib.suppress(UnsupportedError), _error_console().status("mobility"):
-        return (leg if leg.route == "pinocchio" else sibling(leg, "pinocchio")).mobility_report()
-    return None
+    with _error_console().status("looking at the mechanism"):
+        return inspect(name if urdf is None else urdf, foot=foot, parameters=_parameters(set_))
 
 
-def _crosscheck(name: str, samples: int, seed: int, **load_options: Any) -> _Report:
+def _crosscheck(name: Any, samples: int, seed: int, **load_options: Any) -> _Report:
     from leg_dynamics.verification.crosscheck import crosscheck
 
     with _progress() as progress:
@@ -1352,10 +1421,30 @@ def _crosscheck(name: str, samples: int, seed: int, **load_options: Any) -> _Rep
         return crosscheck(name, samples=samples, seed=seed, progress=step, **load_options)
 
 
-def _summary(leg: Leg, motion: Trajectory, efforts: np.ndarray) -> dict[str, Any]:
+def _own_crosscheck(
+    own: str, name: str, samples: int, seed: int, tolerance: float | None, **load_options: Any
+) -> _Report:
+    from leg_dynamics.verification.own_file import read_own
+
+    # What the file prints must not get among the JSON.
+    with contextlib.redirect_stdout(sys.stderr):
+        formulas = read_own(own)
+        return _crosscheck(formulas, samples, seed, against=name, tolerance=tolerance, **load_options)
+
+
+def _summary(leg: Leg, motion: Trajectory, efforts: np.ndarray, residual: np.ndarray | None = None) -> dict[str, Any]:
     import numpy as np
 
+    from leg_dynamics.analysis.trajectories.following import limit_flags
+
     peaks = np.abs(efforts).argmax(axis=0)
+    flags = limit_flags(leg.feasible(motion.q, motion.v, motion.a, torque=efforts), motion.time)
+    idle = {}
+    if residual is not None:
+        idle = {
+            name: float(np.abs(residual[:, leg.joint_names.index(name)]).max(initial=0.0))
+            for name in leg.actuation.idle
+        }
     return {
         "leg": leg.description.name,
         "route": leg.route,
@@ -1365,6 +1454,9 @@ def _summary(leg: Leg, motion: Trajectory, efforts: np.ndarray) -> dict[str, Any
         "start": float(motion.time[0]),
         "end": float(motion.time[-1]),
         "foot_force": None if motion.foot_force is None else FORCE_NOTE,
+        "feasible": all(flag["feasible"] for flag in flags),
+        "actuation": leg.actuation.to_dict(),
+        "unbalanced": idle,
         "actuators": [
             {
                 "name": name,
@@ -1372,6 +1464,7 @@ def _summary(leg: Leg, motion: Trajectory, efforts: np.ndarray) -> dict[str, Any
                 "peak": float(efforts[peaks[k], k]),
                 "time_of_peak": float(motion.time[peaks[k]]),
                 "rms": float(np.sqrt(np.mean(efforts[:, k] ** 2))),
+                "limits": {key: value for key, value in flags[k].items() if key != "actuator"},
             }
             for k, (name, unit) in enumerate(zip(leg.actuator_names, leg.units.actuators, strict=True))
         ],
@@ -1419,12 +1512,13 @@ def _show_summary(result: Mapping[str, Any]) -> None:
         f"{result['samples']} samples, route {result['route']}"
         + ("" if result["transmission"] == "exact" else f", transmission {result['transmission']}")
     )
-    table = _table("", "actuator", "peak", "at", "rms", "unit")
+    table = _table("", "actuator", "peak", "at", "rms", "unit", "limits")
     for row in result["actuators"]:
-        _add_row(
-            table, row["name"], f"{row['peak']:+.6f}", f"{row['time_of_peak']:.3f} s", f"{row['rms']:.6f}", row["unit"]
-        )
+        cells = f"{row['peak']:+.6f}", f"{row['time_of_peak']:.3f} s", f"{row['rms']:.6f}", row["unit"]
+        _add_row(table, row["name"], *cells, _limit_text(row["limits"]))
     console.print(table)
+    for name, value in result["unbalanced"].items():
+        _say(f"no actuator holds {name}: up to {value:.6g} N·m (or N) are left unbalanced there")
     if result["foot_force"] is not None:
         _say(result["foot_force"])
     if "comparison" in result:
@@ -1435,6 +1529,77 @@ def _show_summary(result: Mapping[str, Any]) -> None:
             f"{comparison['largest_relative_difference']:.3g}, tolerance {comparison['tolerance']:g}): "
             f"{'agree' if comparison['passed'] else 'DISAGREE'}"
         )
+
+
+_MARKS = {"error": "[red]error[/red]", "warning": "[yellow]warning[/yellow]", "note": "note"}
+
+
+def _show_inspection(console: Console, report: Inspection) -> None:
+    from rich.markup import escape
+
+    if report.loops:
+        table = _table("Loops and couplings", "name", "type", "rows", "needed", "redundant", "with")
+        for each in report.loops:
+            counts = (str(count) for count in (each.rows, each.needed, each.redundant))
+            shown = ", ".join(each.with_[:3]) + (" ..." if len(each.with_) > 3 else "")
+            _add_row(table, each.loop, each.type, *counts, shown)
+        console.print(table)
+    if report.actuation is not None:
+        console.print(escape(f"actuation: {report.actuation}"))
+    if report.condition is not None:
+        condition = report.condition
+        console.print(
+            f"closure at home: smallest singular value {condition.smallest:.3g} of largest {condition.largest:.3g}"
+        )
+    if len(report.modes) > 1:
+        title = f"Assembly modes at home: {len(report.modes)} found"
+        table = _table(title, "name", "smallest singular value", "joints that differ")
+        home = report.modes[0].coordinates
+        for mode in report.modes[:SHOWN_MODES]:
+            apart = {name: abs(value - home[name]) for name, value in mode.coordinates.items()}
+            most = sorted(apart, key=lambda name: -apart[name])[:SHOWN_JOINTS]
+            differing = most if mode is report.modes[0] else [name for name in most if apart[name] > LEAST_DIFFERENCE]
+            values = ", ".join(f"{name} {round(mode.coordinates[name], 4) + 0.0:g}" for name in differing)
+            _add_row(table, mode.name, f"{mode.regularity:.3g}", values)
+        console.print(table)
+    if report.legs:
+        console.print(escape("legs: " + ", ".join(f"{name} (foot {foot})" for name, foot in report.legs.items())))
+    _show_findings(console, report)
+
+
+def _show_findings(console: Console, report: Inspection) -> None:
+    from rich.markup import escape
+
+    for each in report.findings:
+        place = f"{Path(each.file).name}:{each.line}: " if each.line is not None else ""
+        console.print(f"{_MARKS[each.severity]} {escape(f'[{each.code}] {place}{each.text}')}")
+        if each.fix:
+            console.print(escape(f"    fix: {each.fix}"))
+    counts = [sum(each.severity == severity for each in report.findings) for severity in _MARKS]
+    words = (f"{n} {word}{'s' * (n != 1)}" for n, word in zip(counts, _MARKS, strict=True))
+    console.print(f"{report.name}: {', '.join(words)}", markup=False, highlight=False)
+
+
+def _show_unreadable(report: Inspection, as_json: bool) -> None:
+    """What there is to say of a file that is no mechanism to load."""
+    if as_json:
+        _print_json(report.to_dict())
+    else:
+        _show_findings(_console(), report)
+
+
+def _limit_text(flags: Mapping[str, Any]) -> str:
+    """The nearest of an actuator's limits, or the broken ones with their times."""
+    names = {"effort": "effort", "speed": "speed", "curve": "torque-speed line"}
+    broken = [
+        f"BEYOND {name} by {-flags[f'{kind}_margin']:.1%} at {flags[f'{kind}_time']:.3f} s"
+        for kind, name in names.items()
+        if not flags[f"{kind}_margin"] >= 0.0
+    ]
+    if broken:
+        return ", ".join(broken)
+    least = min(names, key=lambda kind: flags[f"{kind}_margin"])
+    return f"{flags[f'{least}_margin']:.1%} of {names[least]} left"
 
 
 def _show_design(result: StudyResult) -> None:

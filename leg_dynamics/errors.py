@@ -18,6 +18,7 @@ __all__ = [
     "BranchError",
     "CrosscheckError",
     "DescriptionError",
+    "EffortLimitError",
     "FormulaAssumptionError",
     "JointLimitError",
     "LegDynamicsError",
@@ -98,7 +99,7 @@ class DescriptionError(LegDynamicsError, ValueError):
 
 
 class UnsafeXmlError(DescriptionError):
-    """The file carries a document type, an entity, or a nesting depth that no mechanism needs."""
+    """The file carries a document type, an entity, or a nesting depth or size that no mechanism needs."""
 
 
 class RenderError(DescriptionError):
@@ -155,6 +156,18 @@ class ActuationError(LegDynamicsError, ValueError):
             actuators=actuators,
         )
 
+    @classmethod
+    def of_idle(cls, name: str, verdict: Any, actuated: Sequence[str]) -> ActuationError:
+        """The error of a mechanism that moves although all actuators are locked, by the names of its idle motions."""
+        return cls(
+            f"{name} is under-actuated: no actuator holds {', '.join(verdict.idle)} ({verdict.motions} motions, "
+            f"{verdict.actuators} actuators on {', '.join(actuated) or 'no joint'}), so that no efforts produce an "
+            "arbitrary motion; pass allow_idle=True for efforts and the residual, use generalized_force, which is "
+            "always unique, or add actuators",
+            idle=tuple(verdict.idle),
+            motions=verdict.motions,
+            actuators=verdict.actuators,
+        )
 
 class ShapeError(LegDynamicsError, ValueError):
     """An array has the wrong shape or type."""
@@ -214,6 +227,12 @@ class RowError(LegDynamicsError):
 
 class NonFiniteError(RowError, ValueError):
     """An input holds NaN or infinity, or a result is too large for a float."""
+
+
+class EffortLimitError(RowError, ValueError):
+    """No efforts within their bounds produce the motion; `margin` is 1 minus how many times the bounds are `needed`."""
+
+    needed: float
 
 
 class OutOfReachError(RowError, ValueError):

@@ -6,13 +6,15 @@ named error or, on request, into NaN rows.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from leg_dynamics.actuation import Actuation, Feasibility, IdleTorque, Policy, actuation_of, feasibility
 from leg_dynamics.errors import (
     ActuationError,
     JointLimitError,
@@ -60,12 +62,21 @@ LEAST_RECIPROCAL_CONDITION = 1e-6
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of the independent coordinates, each of shape (n,): rad or m, rad/s or m/s, N·m or N."""
+    """Limits of some joints, each of shape (n,): rad or m, rad/s or m/s, N·m or N; infinite where there is none."""
 
     lower: np.ndarray
     upper: np.ndarray
     velocity: np.ndarray
     effort: np.ndarray
+
+    @classmethod
+    def of(cls, joints: Sequence[Joint]) -> Limits:
+        """What a file says of these joints."""
+        fields = ("lower", "upper", "velocity", "effort")
+        arrays = {field: np.array([getattr(joint.limits, field) for joint in joints], dtype=float) for field in fields}
+        for array in arrays.values():
+            array.setflags(write=False)
+        return cls(**arrays)
 
 
 @dataclass(frozen=True)
@@ -111,6 +122,14 @@ class Route(Protocol):
 
     def tree_coordinates(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Closed tree coordinates, (..., n_tree)."""
+        ...
+
+    def home_coordinates(self) -> np.ndarray:
+        """Independent coordinates of a closed, regular pose of the assembly mode, (n,)."""
+        ...
+
+    def actuator_jacobian(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Rates of the actuated joints per independent velocity, (..., m, n)."""
         ...
 
     def foot_position(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
@@ -222,6 +241,14 @@ class Recipe(Protocol):
         """Return the recipe with some design parameters changed."""
         ...
 
+    def of_part(self, name: str, foot: str | None) -> Recipe:
+        """Return the recipe for one leg of a robot."""
+        ...
+
+    def read(self) -> Description:
+        """What the source says, before anything was done to it."""
+        ...
+
     def number_derivatives(self, parameters: tuple[str, ...], route: Any) -> tuple[tuple[str, ...], np.ndarray]:
         """Names of k numbers of the route, and the derivative of each by each parameter, (k, parameters)."""
         ...
@@ -313,6 +340,7 @@ _FLOAT = np.dtype(np.float64)
 _ARRAY = np.ndarray
 # What not every route has; derivatives and numbers are the others.
 _ROUTES_WITH = {
+    "assembly_modes": "pinocchio or symbolic",
     "base_parameters": "closed_form",
     "foot_rotation": "pinocchio",
     "geometric_jacobian": "pinocchio",
@@ -323,6 +351,10 @@ _ROUTES_WITH = {
     "rank_report": "pinocchio",
     "regressor": "closed_form",
 }
+
+# Poses beside home, and how far, rad or m, at which it is decided which motions the actuators hold.
+_VERDICT_POSES = 6
+_VERDICT_SPREAD = 0.05
 
 _NO_FORCE = np.zeros(3)
 _NO_FORCE.setflags(write=False)
@@ -339,9 +371,12 @@ class Leg:
     """
 
     __slots__ = (
+        "_actuation",
+        "_actuator_limits",
         "_actuator_names",
         "_base_count",
         "_description",
+        "_directly_actuated",
         "_foot",
         "_gravity",
         "_limits",
@@ -362,7 +397,10 @@ class Leg:
     _n: int
     _m: int
     _limits: Limits
+    _actuation: Actuation | None
+    _actuator_limits: Limits
     _actuator_names: tuple[str, ...]
+    _directly_actuated: bool
     _units: Units
     _gravity: np.ndarray
     _base_count: int | None
@@ -372,10 +410,6 @@ class Leg:
 
     def __init__(self, route: Route, description: Description, foot: str | None, recipe: Recipe) -> None:
         joints = [description.joint(name) for name in route.joint_names]
-        fields = ("lower", "upper", "velocity", "effort")
-        arrays = {field: np.array([getattr(joint.limits, field) for joint in joints]) for field in fields}
-        for array in arrays.values():
-            array.setflags(write=False)
         actuators = {t.joint: t.actuator for t in description.transmissions}
         efforts = tuple("N" if description.joint(name).unit == "m" else "N·m" for name in route.actuator_joints)
         gravity = np.array(route.gravity, dtype=float)
@@ -387,7 +421,10 @@ class Leg:
             "_recipe": recipe,
             "_n": len(route.joint_names),
             "_m": len(route.actuator_joints),
-            "_limits": Limits(**arrays),
+            "_limits": Limits.of(joints),
+            "_actuation": None,
+            "_actuator_limits": Limits.of([description.joint(name) for name in route.actuator_joints]),
+            "_directly_actuated": sorted(route.actuator_joints) == sorted(route.joint_names),
             "_actuator_names": tuple(actuators.get(name, name) for name in route.actuator_joints),
             "_units": Units(tuple(joint.unit for joint in joints), efforts),
             "_gravity": gravity,
@@ -481,6 +518,57 @@ class Leg:
         return self._limits
 
     @property
+    def home(self) -> np.ndarray:
+        """Independent coordinates of the pose that defines the assembly mode, rad or m, shape (n,).
+
+        That of the file's configuration ``home``, its rounded numbers closed; else the one that was found.
+
+        Raises
+        ------
+        AssemblyError, SingularityError, DescriptionError
+            The mechanism has no closed, regular pose.
+        """
+        return self._route.home_coordinates()
+
+    @property
+    def actuator_limits(self) -> Limits:
+        """Limits of the m actuated joints, in the order of `actuator_names`."""
+        return self._actuator_limits
+
+    @property
+    def actuation(self) -> Actuation:
+        """Whether the actuators determine their efforts, and which motions none of them holds.
+
+        Raises
+        ------
+        AssemblyError, SingularityError, DescriptionError
+            The mechanism has no closed pose to look at.
+        """
+        verdict = self._actuation
+        if verdict is None:
+            verdict = self._judged_actuation()
+            object.__setattr__(self, "_actuation", verdict)
+        return verdict
+
+    def _judged_actuation(self) -> Actuation:
+        route = self._route
+        names = route.joint_names, route.actuator_joints, self._actuator_names
+        if self._directly_actuated:
+            return actuation_of(self._transfer(np.zeros((1, self._n)), RowFailures()), *names)
+        home = self.home
+        near = home + _VERDICT_SPREAD * np.random.default_rng(0).standard_normal((_VERDICT_POSES, self._n))
+        samples = route.actuator_jacobian(np.vstack([home, near]), RowFailures())
+        return actuation_of(samples, *names)
+
+    def _transfer(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Rates of the actuated joints per independent velocity, (..., m, n)."""
+        if not self._directly_actuated:
+            return self._route.actuator_jacobian(q, failures)
+        selection = np.zeros((self._m, self._n))
+        selection[np.arange(self._m), [self.joint_names.index(name) for name in self._route.actuator_joints]] = 1.0
+        return np.broadcast_to(selection, (*q.shape[:-1], self._m, self._n)).copy()
+
+    @property
     def gravity(self) -> np.ndarray:
         """Default gravity in the hip frame, m/s², shape (3,)."""
         return self._gravity
@@ -504,6 +592,75 @@ class Leg:
             A name is unknown, a value is not a finite number, or the leg's file has no parameters.
         """
         return self._recipe.with_parameters(parameters).build() if parameters else self
+
+    @property
+    def legs(self) -> Mapping[str, str | None]:
+        """Names of a robot's legs, arms and heads, each with the link that is its foot (None: not clear); see `leg`."""
+        from leg_dynamics.description.legs import legs_of
+
+        return {name: part.foot for name, part in legs_of(self._recipe.read()).items()}
+
+    def leg(self, name: str, foot: str | None = None) -> Leg:
+        """One leg of a robot as a leg of its own, its trunk fixed.
+
+        Parameters
+        ----------
+        name : str
+            One of `legs`, or a link of the leg, which is then its foot.
+        foot : str, optional
+            Link whose origin is the foot.
+
+        Returns
+        -------
+        Leg
+            With the joints, loops and actuators that belong to it. Foot quantities are in the frame of the link ``hip``
+            where the robot has one, else in the root's.
+
+        Raises
+        ------
+        DescriptionError
+            There is no such leg, or its foot is not clear.
+        """
+        return self._recipe.of_part(name, foot).build()
+
+    def assembly_modes(self, q: ArrayLike | None = None, *, attempts: int = 60, seed: int = 0) -> tuple[Any, ...]:
+        """Closed poses at the same independent coordinates (routes pinocchio and symbolic).
+
+        Found by multi-start from deterministic places: with many loops some may be missed, and more `attempts` find
+        more. Two of them may be joined by a way around the singular poses. `leg_dynamics.load` takes their names as
+        ``mode`` where they are those of the home pose.
+
+        Parameters
+        ----------
+        q : (n,) array_like, optional
+            Independent coordinates, rad or m; those of the home pose where None.
+        attempts, seed : int
+            Number of starting places, at least 1, and their seed.
+
+        Returns
+        -------
+        tuple of AssemblyMode
+            With ``name``, ``coordinates`` by joint, ``regularity``, ``configurations``; the one in use is the first.
+
+        Raises
+        ------
+        AssemblyError, SingularityError
+            The mode in use has no pose at q.
+        """
+        find = self._only("assembly_modes")
+        for name, value, least in (("attempts", attempts, 1), ("seed", seed, 0)):
+            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+                raise ShapeError(f"{name} must be a whole number, at least {least}, got {value!r}", argument=name)
+        if q is None:
+            found: tuple[Any, ...] = find(None, int(attempts), int(seed))
+            return found
+        call = self._arguments("raise", q=(q, self._n))
+        if not call.single:
+            raise ShapeError("assembly_modes takes one sample, shape (n,)")
+        if call.failures:
+            raise call.failures.combined(None)
+        found = find(call.arrays["q"], int(attempts), int(seed))
+        return found
 
     # ------------------------------------------------------------------ shapes
 
@@ -847,6 +1004,7 @@ class Leg:
         call = self._arguments(on_error, q=(q, self._n), gravity=(gravity, 3))
         return call.run(self._route.potential_energy, (), "q", "gravity")
 
+    @overload
     def torque(
         self,
         q: ArrayLike,
@@ -856,9 +1014,50 @@ class Leg:
         gravity: ArrayLike | None = None,
         out: np.ndarray | None = None,
         *,
+        weights: ArrayLike | None = None,
+        bounds: Any = None,
+        preload: ArrayLike | None = None,
+        allow_idle: Literal[False] = False,
         on_error: OnError = "raise",
-    ) -> np.ndarray:
+    ) -> np.ndarray: ...
+
+    @overload
+    def torque(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        foot_force: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        out: np.ndarray | None = None,
+        *,
+        weights: ArrayLike | None = None,
+        bounds: Any = None,
+        preload: ArrayLike | None = None,
+        allow_idle: Literal[True],
+        on_error: OnError = "raise",
+    ) -> IdleTorque: ...
+
+    def torque(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        foot_force: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        out: np.ndarray | None = None,
+        *,
+        weights: ArrayLike | None = None,
+        bounds: Any = None,
+        preload: ArrayLike | None = None,
+        allow_idle: bool = False,
+        on_error: OnError = "raise",
+    ) -> np.ndarray | IdleTorque:
         """Inverse dynamics: actuator efforts for a motion.
+
+        With one actuator a motion they are unique. Of more actuators the efforts with the least sum of
+        ``weights * (effort - preload)**2`` are taken, by default those of smallest norm; within `bounds` where those
+        are given. Motions that no actuator holds are an error that names them, unless `allow_idle`.
 
         Parameters
         ----------
@@ -871,11 +1070,21 @@ class Leg:
             Gravity vector in the hip frame, m/s².
         out : (..., m) float64 array, optional
             Receives the result; where an error is raised, its content is not defined.
+        weights : (m,) array_like, optional
+            Positive; 1 where None. Where efforts in N and in N·m mix, these say what a N·m is worth.
+        bounds : bool, (m,) array_like or pair of (m,) array_like, optional
+            True: the effort limits of the actuated joints; one array: the same both ways; two: lower and upper.
+        preload : (..., m) array_like, optional
+            Efforts to be near to, N·m or N; what of them does no work is kept.
+        allow_idle : bool
+            Whether motions that no actuator holds may stay unbalanced.
 
         Returns
         -------
         (..., m) array
-            N·m or N, in the order of `actuator_names`. Joint limits are not enforced.
+            N·m or N, in the order of `actuator_names`. Joint limits are not enforced. With `allow_idle`, an
+            `IdleTorque`: ``torque`` (..., m) and ``residual`` (..., n), which is zero but for the idle coordinates of
+            `actuation`.
 
         Raises
         ------
@@ -884,8 +1093,16 @@ class Leg:
         AssemblyError, SingularityError
             The loops cannot be closed there in this assembly mode.
         ActuationError
-            The actuators do not determine the efforts.
+            No actuator holds some motion; the error names it.
+        EffortLimitError
+            No efforts within `bounds` are enough; `needed` says how many times the bounds would be.
+        ParameterError
+            `weights`, `bounds` or `preload` are not usable.
         """
+        if weights is not None or bounds is not None or preload is not None or allow_idle:
+            return self._shared_torque(
+                q, v, a, foot_force, gravity, out, weights, bounds, preload, allow_idle, on_error
+            )
         if foot_force is None and gravity is None:
             # Written out: this is the inner loop of a controller, and a function call costs a tenth of it.
             row = self._torque_row
@@ -920,6 +1137,11 @@ class Leg:
                 loaded = self._quickly("loaded_torque", q, v, a, *self._loads(foot_force, gravity))
                 if loaded is not None:
                     return loaded
+        if not self._directly_actuated and self.actuation.kind != "exact":
+            shared: np.ndarray = self._shared_torque(  # type: ignore[assignment]
+                q, v, a, foot_force, gravity, out, None, None, None, False, on_error
+            )
+            return shared
         call = self._arguments(
             on_error,
             q=(q, self._n),
@@ -933,6 +1155,127 @@ class Leg:
         if name not in self._quick:
             self._learn(name)
         return result
+
+    def _shared_torque(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        foot_force: ArrayLike | None,
+        gravity: ArrayLike | None,
+        out: Any,
+        weights: Any,
+        bounds: Any,
+        preload: ArrayLike | None,
+        allow_idle: bool,
+        on_error: OnError,
+    ) -> np.ndarray | IdleTorque:
+        """`torque` where the motion alone does not determine the efforts, or they are bounded."""
+        if foot_force is not None:
+            self._need_foot()
+        if not isinstance(allow_idle, bool):
+            raise ParameterError(f"allow_idle must be True or False, got {allow_idle!r}", parameter="allow_idle")
+        verdict = self.actuation
+        if verdict.idle and not allow_idle:
+            raise ActuationError.of_idle(repr(self.name), verdict, self._route.actuator_joints)
+        m, n = self._m, self._n
+        wanted = None if preload is None else checked("preload", preload, m)
+        policy = Policy.of(m, self._actuator_limits.effort, weights, bounds, wanted)
+        call = self._arguments(
+            on_error,
+            q=(q, n),
+            v=(v, n),
+            a=(a, n),
+            foot_force=(foot_force, 3),
+            gravity=(gravity, 3),
+            preload=(policy.preload, m),
+        )
+
+        def shared(*arrays: Any) -> np.ndarray:
+            q, v, a, foot_force, gravity, wanted, failures = arrays
+            force = self._route.generalized_force(q, v, a, foot_force, gravity, failures)
+            transfer = self._transfer(q, failures)
+            rows = np.asarray(force).reshape(-1, n)
+            chosen = policy._replace(preload=np.asarray(wanted).reshape(-1, m))
+            parts = chosen.efforts(np.asarray(transfer).reshape(-1, m, n), rows, verdict, self.joint_names, failures)
+            return np.hstack(parts).reshape(*np.asarray(force).shape[:-1], m + n)
+
+        whole = call.run(shared, (m + n,), "q", "v", "a", "foot_force", "gravity", "preload")
+        tau = whole[..., :m]
+        if out is not None:
+            call.check_out(out, tau.shape)
+            out[...] = tau
+            tau = out
+        return IdleTorque(tau, whole[..., m:]) if allow_idle else tau.copy() if out is None else tau
+
+    def actuator_jacobian(self, q: ArrayLike, *, on_error: OnError = "raise") -> np.ndarray:
+        """Rates of the actuated joints per independent velocity: ``A @ v``, and ``A.T @ torque`` = generalised force.
+
+        Parameters
+        ----------
+        q : (..., n) array_like
+            Independent coordinates, rad or m.
+
+        Returns
+        -------
+        (..., m, n) array
+        """
+        call = self._arguments(on_error, q=(q, self._n))
+        return call.run(self._transfer, (self._m, self._n), "q")
+
+    def feasible(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        foot_force: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        *,
+        torque: ArrayLike | None = None,
+        on_error: OnError = "raise",
+        **policy: Any,
+    ) -> Feasibility:
+        """Whether the actuators can do a motion: efforts, speeds, and both together.
+
+        Limits are those of the file: ``effort`` and ``velocity`` of the actuated joints, and the straight line from
+        ``stallTorque`` to ``noLoadSpeed`` of a transmission's actuator where it states them.
+
+        Parameters
+        ----------
+        q, v, a, foot_force, gravity
+            As in `torque`.
+        torque : (..., m) array_like, optional
+            Efforts to judge; those of `torque` where None.
+        **policy
+            ``weights``, ``bounds``, ``preload`` of `torque`.
+
+        Returns
+        -------
+        Feasibility
+            ``bool()`` of it says whether all samples are feasible; ``.ok`` (..., m), ``.effort_margin``,
+            ``.speed_margin``, ``.curve_margin`` (..., m) say where and by how much.
+        """
+        if torque is None:
+            torque = self.torque(q, v, a, foot_force, gravity, on_error=on_error, **policy)
+        elif policy:
+            raise ParameterError(f"{', '.join(policy)}: choices of efforts, but torque is given", parameter="torque")
+        if isinstance(torque, IdleTorque):
+            torque = torque.torque
+        call = self._arguments(on_error, q=(q, self._n), v=(v, self._n), torque=(torque, self._m))
+
+        def rates(q: np.ndarray, v: np.ndarray, torque: np.ndarray, failures: RowFailures) -> np.ndarray:
+            speeds = (self._transfer(q, failures) @ v[..., None])[..., 0]
+            return np.concatenate([torque, speeds], axis=-1)
+
+        whole = call.run(rates, (2 * self._m,), "q", "v", "torque")
+        drives = {each.joint: each for each in self._description.transmissions}
+        lines = [
+            (math.inf, math.inf) if (drive := drives.get(name)) is None else drive.line_at_joint
+            for name in self._route.actuator_joints
+        ]
+        return feasibility(
+            whole[..., : self._m], whole[..., self._m :], self._actuator_limits, lines, self._actuator_names
+        )
 
     def generalized_force(
         self,
@@ -1542,7 +1885,8 @@ class _Call:
         return result
 
     @staticmethod
-    def _check_out(out: Any, shape: tuple[int, ...]) -> None:
+    def check_out(out: Any, shape: tuple[int, ...]) -> None:
+        """Refuse a result array of another shape or type."""
         given = type(out).__name__
         if isinstance(out, np.ndarray):
             if out.shape == shape and out.dtype == np.float64 and out.flags.writeable:
@@ -1560,7 +1904,7 @@ class _Call:
         """Evaluate on the rows whose input is finite, then raise or fill."""
         full = (*self.leading, *shape)
         if out is not None:
-            self._check_out(out, full)
+            self.check_out(out, full)
         if self.failures and self.on_error == "raise":
             raise self.failures.combined(None if self.single else self.count)
         with np.errstate(over="ignore", invalid="ignore"):

@@ -6,21 +6,20 @@ import difflib
 import functools
 import operator
 import os
-import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from leg_dynamics.errors import (
     FormulaAssumptionError,
     LegDynamicsError,
-    LegDynamicsWarning,
     LegNotFoundError,
     MissingFootError,
     ParameterError,
     RouteError,
 )
 from leg_dynamics.leg import Leg, Route
+from leg_dynamics.preparation import Preparation, mode_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,6 +68,8 @@ class Recipe:
         Model of the transmission, one that the formulas offer; every other route knows ``exact`` only.
     threads : int or None
         Threads for large batches of the routes that are compiled.
+    preparation : Preparation
+        How `description` came from what the source says.
     """
 
     description: Description
@@ -79,6 +80,7 @@ class Recipe:
     overrides: tuple[tuple[str, float], ...] = ()
     transmission: str = "exact"
     threads: int | None = None
+    preparation: Preparation = field(default_factory=lambda: Preparation(trusted=True))
 
     def backend(self) -> Route:
         """The route object."""
@@ -177,15 +179,46 @@ class Recipe:
         ParameterError
             A name is unknown, a value is not a finite number, or the source has no parameters.
         """
-        from leg_dynamics.description import read
-
         if self.source is None or not self.description.parameters:
             raise ParameterError(
                 f"{self.description.name!r} was read from plain URDF, which has no named parameters to change "
                 f"({', '.join(map(str, parameters))}): edit the file, or load the xacro that generates it"
             )
         overrides = dict(self.overrides) | dict(parameters)
-        return replace(self, description=read(self.source, parameters=overrides), overrides=tuple(overrides.items()))
+        from leg_dynamics.description import read
+
+        changed = self.preparation.of(read(self.source, parameters=overrides))
+        return replace(self, description=changed, overrides=tuple(overrides.items()))
+
+    def read(self) -> Description:
+        """What the source says, before anything was done to it."""
+        from leg_dynamics.description import read
+
+        return self.description if self.source is None else read(self.source, parameters=dict(self.overrides))
+
+    def of_part(self, name: str, foot: str | None) -> Recipe:
+        """Return the recipe for one leg of a robot.
+
+        Raises
+        ------
+        DescriptionError
+            The robot has no such leg, or its foot is not clear.
+        """
+        from leg_dynamics.description.legs import part_of
+
+        whole = self.read()
+        part = part_of(whole, name, foot)
+        preparation = Preparation(self.preparation.trusted, part=name, foot=part.foot)
+        route = "pinocchio" if self.route == "closed_form" else self.route
+        return replace(
+            self,
+            description=preparation.of(whole),
+            route=route,
+            formulas=None,
+            foot=part.foot,
+            transmission="exact",
+            preparation=preparation,
+        )
 
 
 # Seven points: weights of the derivative at the middle one (pairs), and at the first one; exact up to degree 6.
@@ -198,11 +231,11 @@ _SMOOTH = 1e-3
 
 
 @functools.lru_cache(maxsize=128)
-def _changed(source: str, overrides: tuple[tuple[str, float], ...]) -> Description:
+def _changed(source: str, overrides: tuple[tuple[str, float], ...], preparation: Preparation) -> Description:
     """The source read with other values; every route asks for the same ones."""
     from leg_dynamics.description import read
 
-    return read(source, parameters=dict(overrides))
+    return preparation.of(read(source, parameters=dict(overrides)))
 
 
 @functools.lru_cache(maxsize=256)
@@ -215,7 +248,7 @@ def _design_derivative(recipe: Recipe, name: str) -> Mapping[str, float]:
 
     def numbers(k: int) -> dict[str, float]:
         overrides = dict(recipe.overrides) | {name: value + k * h}
-        return route.numbers_of(_changed(recipe.source, tuple(overrides.items())))
+        return route.numbers_of(_changed(recipe.source, tuple(overrides.items()), recipe.preparation))
 
     centre = route.numbers_of(recipe.description)
     try:
@@ -268,13 +301,16 @@ def load(
     parameters: Mapping[str, float] | None = None,
     transmission: str = "exact",
     threads: int | None = None,
+    mode: str | Mapping[str, float] | None = None,
 ) -> Leg:
-    """Load a leg.
+    """Load a leg, or a robot with several.
 
     Parameters
     ----------
     source : str or path-like
-        A shipped name (see `available`), the path of a .urdf or .xacro file, or XML text.
+        A shipped name (see `available`); the path of a .urdf, .xacro, .yaml (modules, or loops beside a .urdf) or .xml
+        (MJCF) file; a name such as ``example-robot-data:solo12``; or XML text. A floating or planar joint becomes a
+        chain of joints with one coordinate each.
     route : {"closed_form", "pinocchio", "symbolic"}, optional
         What computes: the leg's hand-derived formulas; numeric algorithms for any mechanism; or any mechanism's
         equations unrolled and compiled once, fast from then on. Default: ``closed_form`` where the leg has formulas,
@@ -292,6 +328,9 @@ def load(
     threads : int, optional
         Threads that a large batch is split over by the routes ``closed_form`` and ``symbolic``; by default as many as
         pay, at most one a processor. Results do not depend on it.
+    mode : str or mapping of str to float, optional
+        The assembly mode: a name that `Leg.assembly_modes` lists, or joint coordinates near one of its poses. Default:
+        that of the file's configuration ``home``. Not for closed forms, which know their mode.
 
     Returns
     -------
@@ -310,7 +349,9 @@ def load(
     MissingFootError
         `foot` is not a link of the mechanism.
     ParameterError
-        A parameter is unknown or not a finite number.
+        A parameter or mode is unknown or not a finite number.
+    AssemblyError
+        There is no closed pose of such an assembly mode.
     """
     from leg_dynamics.description import read
 
@@ -323,38 +364,24 @@ def load(
     if urdf is not None:
         origin = _source(urdf)
     overrides = dict(parameters or {})
-    description = read(origin, parameters=overrides)
+    preparation = Preparation(trusted=named is not None)
+    description = preparation.of(read(origin, parameters=overrides))
     formulas = named if named is not None and has_closed_form(named) else None
-    if named is None:
-        description = _with_flags(description)
+    if mode is not None:
+        if route == "closed_form":
+            raise RouteError(
+                f"mode={mode!r}: the formulas of {named!r} know one assembly mode; use route='pinocchio' or 'symbolic'"
+            )
+        # The formulas are of the file's own mode.
+        formulas = None
+        preparation = replace(preparation, mode=mode_of(description, mode))
+        description = preparation.of(read(origin, parameters=overrides))
     if route is None:
         route = "closed_form" if formulas is not None else "pinocchio"
     threads = None if threads is None else _thread_count(threads)
     given = tuple(overrides.items())
-    return Recipe(description, route, formulas, _foot(description, foot), origin, given, transmission, threads).build()
-
-
-def _with_flags(description: Description) -> Description:
-    """The mechanism with independent joints that fit its mobility, where its file says nothing of them."""
-    from leg_dynamics.description.flags import states_flags, with_independent
-
-    if states_flags(description) or not (description.loops or description.couplings):
-        return description
-    from leg_dynamics.mechanism.independence import independent_set
-
-    names = independent_set(description)
-    if names is None:
-        return description
-    driven = {transmission.joint for transmission in description.transmissions}
-    idle = [name for name in names if name not in driven]
-    passive = f", of which {', '.join(idle)} passive" if driven and idle else ""
-    warnings.warn(
-        f"{description.file}: no joint states an independent flag, and the loops leave {len(names)} motions: taking "
-        f"{', '.join(names)} as independent{passive}; state the flags to choose others",
-        LegDynamicsWarning,
-        stacklevel=3,
-    )
-    return with_independent(description, names)
+    foot = _foot(description, foot)
+    return Recipe(description, route, formulas, foot, origin, given, transmission, threads, preparation).build()
 
 
 def _unknown_parameter(recipe: Recipe, name: object, numbers: Iterable[str]) -> ParameterError:

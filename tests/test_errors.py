@@ -35,6 +35,7 @@ BUILTIN = {
     "LegNotFoundError": FileNotFoundError,
     "MissingFootError": ValueError,
     "NonFiniteError": ValueError,
+    "EffortLimitError": ValueError,
     "OutOfReachError": ValueError,
     "OutputError": OSError,
     "ParameterError": KeyError,

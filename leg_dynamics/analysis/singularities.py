@@ -8,15 +8,16 @@ the interface and the mechanism's description, for every route alike.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from leg_dynamics.analysis.dexterity import column_scales, conditioning, home_length
-from leg_dynamics.analysis.loop_rows import loop_rows
-from leg_dynamics.errors import NonFiniteError, ParameterError, RowError, ShapeError, SingularityError
+from leg_dynamics.analysis.loop_rows import LoopRows, loop_rows
+from leg_dynamics.errors import AssemblyError, NonFiniteError, ParameterError, RowError, ShapeError, SingularityError
 
 if TYPE_CHECKING:
     from leg_dynamics.leg import Leg
@@ -25,6 +26,9 @@ __all__ = ["Singularity", "SingularityDistance", "singularity", "singularity_dis
 
 SINGULAR = 1e-6
 """A singular value below this share of the largest counts as zero: the pose is singular."""
+
+_SHOWN = 0.05
+"""Entries of a direction below that share of the largest are not named."""
 
 _FALLEN = 0.05
 """Of a singular value at the start: what is left of it at a singularity of its kind, within the bisection's reach."""
@@ -46,11 +50,15 @@ class Singularity:
         a smaller rank than at most poses: the mechanism gains a motion). Empty at a regular pose.
     serial, parallel, constraint : float
         Smallest singular value that must not vanish, as a share of the largest of its matrix; 1 where there is nothing
-        that could lose rank (no loops).
+        that could lose rank (no foot, no loops). NaN for `serial` where the loops' singularity leaves no Jacobian.
     sign : int
         Of det J (three coordinates; else +1): it changes at a serial or a parallel singularity.
     characteristic_length : float
         m; what makes rows and columns of both matrices comparable.
+    directions : mapping of str to mapping of str to float
+        For each kind what its smallest singular value belongs to, the largest entry 1: ``serial`` the direction x, y, z
+        in the hip frame that the foot moves in least; ``parallel`` the rates of the tree's joints that the locked
+        actuators resist least; ``constraint`` those that the mechanism gains. In rad and characteristic lengths.
     """
 
     kinds: tuple[str, ...]
@@ -59,10 +67,32 @@ class Singularity:
     constraint: float
     sign: int
     characteristic_length: float
+    directions: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """The numbers as JSON-ready values."""
-        return asdict(self)
+        """The numbers as JSON-ready values; a NaN as None."""
+        values = {name: getattr(self, name) for name in ("serial", "parallel", "constraint")}
+        return {
+            "kinds": list(self.kinds),
+            **{name: value if math.isfinite(value) else None for name, value in values.items()},
+            "sign": self.sign,
+            "characteristic_length": self.characteristic_length,
+            "directions": {kind: dict(direction) for kind, direction in self.directions.items()},
+        }
+
+    def __str__(self) -> str:
+        if not self.kinds:
+            return f"regular: serial {self.serial:.3g}, parallel {self.parallel:.3g}, constraint {self.constraint:.3g}"
+        meanings = {
+            "serial": "the foot cannot move along",
+            "parallel": "with the actuators locked can still move",
+            "constraint": "the mechanism gains the motion",
+        }
+        parts = []
+        for kind in self.kinds:
+            moving = ", ".join(f"{name} {x:+.3g}" for name, x in self.directions[kind].items() if abs(x) >= _SHOWN)
+            parts.append(f"{kind} singularity: {meanings[kind]} ({moving})")
+        return "; ".join(parts)
 
 
 @dataclass(frozen=True)
@@ -111,29 +141,75 @@ def singularity(leg: Leg, q: ArrayLike, *, characteristic_length: float | None =
     Raises
     ------
     AssemblyError, SingularityError
-        The loops cannot be closed there, or the route cannot follow the pose there.
+        The loops do not close there. (Of a leg by formulas also: its formulas do not hold there.)
     ShapeError, NonFiniteError
         `q` is not one finite sample.
     """
-    column_scales(leg, characteristic_length)
-    length = home_length(leg) if characteristic_length is None else float(characteristic_length)
-    tree = leg.assemble(q)
-    if any(np.ndim(value) for value in tree.values()):
-        raise ShapeError("singularity takes one sample, shape (n,)")
-    J = leg.jacobian(q)
-    turning = np.array([unit == "rad" for unit in leg.units.joints])
-    serial = _share(np.linalg.svd(J * np.where(turning, 1.0 / length, 1.0), compute_uv=False), min(J.shape))
+    has_foot = leg.foot is not None
+    if has_foot:
+        column_scales(leg, characteristic_length)
+        length = home_length(leg) if characteristic_length is None else float(characteristic_length)
+    else:
+        length = 1.0 if characteristic_length is None else _positive(characteristic_length)
+    tree = _assembled(leg, q)
+    directions: dict[str, Mapping[str, float]] = {}
+    serial, sign = 1.0, 1
+    if has_foot:
+        J = leg.jacobian(q, on_error="nan")
+        if np.isfinite(J).all():
+            turning = np.array([unit == "rad" for unit in leg.units.joints])
+            left, sigma, _ = np.linalg.svd(J * np.where(turning, 1.0 / length, 1.0))
+            rank = min(J.shape)
+            serial = _share(sigma, rank)
+            directions["serial"] = _direction(("x", "y", "z"), left[:, rank - 1])
+            sign = int(np.sign(np.linalg.det(J))) if J.shape == (3, 3) else 1
+        else:
+            serial, sign = math.nan, 0
     rows = loop_rows(leg.description, tree, length)
     parallel = constraint = 1.0
     if rows.matrix.size:
+        idle = len(leg.joint_names) - leg.actuation.rank
         free = [k for k, name in enumerate(rows.joints) if name not in leg.backend.actuator_joints]
-        rank = len(rows.joints) - len(leg.joint_names)
-        constraint = _share(np.linalg.svd(rows.matrix, compute_uv=False), rank)
-        parallel = _share(np.linalg.svd(rows.matrix[:, free], compute_uv=False), len(free))
+        everything = list(range(len(rows.joints)))
+        constraint, directions["constraint"] = _weakest(rows, everything, len(everything) - len(leg.joint_names))
+        parallel, directions["parallel"] = _weakest(rows, free, len(free) - idle)
     values = {"serial": serial, "parallel": parallel, "constraint": constraint}
     kinds = tuple(kind for kind, value in values.items() if value < SINGULAR)
-    sign = int(np.sign(np.linalg.det(J))) if J.shape == (3, 3) else 1
-    return Singularity(kinds, serial, parallel, constraint, sign, length)
+    return Singularity(kinds, serial, parallel, constraint, sign, length, directions)
+
+
+def _positive(length: float) -> float:
+    if not (math.isfinite(length) and length > 0.0):
+        raise ParameterError(f"characteristic_length = {length!r} is not a positive number of metres")
+    return float(length)
+
+
+def _assembled(leg: Leg, q: ArrayLike) -> Mapping[str, np.ndarray]:
+    """Closed tree coordinates at one sample, also where the closure is singular and the route can tell them."""
+    try:
+        tree = leg.assemble(q)
+    except (AssemblyError, SingularityError):
+        backend: Any = getattr(leg.backend, "fallback", None) or leg.backend
+        if not hasattr(backend, "singular_pose") or np.shape(q) != (len(leg.joint_names),):
+            raise
+        values = backend.singular_pose(np.asarray(q, dtype=float))
+        return dict(zip(backend.tree_joint_names, values, strict=True))
+    if any(np.ndim(value) for value in tree.values()):
+        raise ShapeError("singularity takes one sample, shape (n,)")
+    return tree
+
+
+def _weakest(rows: LoopRows, columns: list[int], rank: int) -> tuple[float, Mapping[str, float]]:
+    """Share of the singular value that must not vanish for some columns to have that rank, and its motion."""
+    if rank < 1:
+        return 1.0, {}
+    _, sigma, right = np.linalg.svd(rows.matrix[:, columns])
+    return _share(sigma, rank), _direction([rows.joints[k] for k in columns], right[rank - 1])
+
+
+def _direction(names: Sequence[str], vector: np.ndarray) -> Mapping[str, float]:
+    largest = vector[np.argmax(np.abs(vector))]
+    return dict(zip(names, (vector / largest if largest else vector).tolist(), strict=True))
 
 
 def _share(sigma: np.ndarray, rank: int) -> float:

@@ -150,6 +150,7 @@ class ClosedFormRoute:
         self.branches: tuple[str, ...] = tuple(module.BRANCHES)
         self.gravity = np.array(self.numbers.gravity, dtype=np.float64)
         self.gravity.setflags(write=False)
+        self._home = {} if description.home is None else dict(description.home.values)
         self.actuator_joints = actuated_joints(description)
         if sorted(self.actuator_joints) != sorted(self.joint_names):
             raise FormulaAssumptionError(
@@ -280,6 +281,15 @@ class ClosedFormRoute:
     def tree_coordinates(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Tree joint coordinates that close every loop, (..., n_tree)."""
         return self._run("tree_coordinates", failures, q)
+
+    def home_coordinates(self) -> np.ndarray:
+        """Coordinates of the file's home pose, (n,); joints that it does not name are at zero."""
+        return np.array([self._home.get(name, 0.0) for name in self.joint_names])
+
+    def actuator_jacobian(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Rates of the actuated joints per independent velocity, (..., m, n): each actuator drives one coordinate."""
+        selection = np.array([[float(name == own) for own in self.joint_names] for name in self.actuator_joints])
+        return np.broadcast_to(selection, (*q.shape[:-1], *selection.shape)).copy()
 
     def foot_position(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Foot position, (..., 3) m."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,8 @@ __all__ = [
     "find_closed_poses",
     "find_seeds",
     "pose_difference",
+    "pose_label",
+    "wrapped",
 ]
 
 # A configuration may be written with rounded numbers; it must still be close to a closed pose.
@@ -37,6 +40,7 @@ DIRECTED_ATTEMPTS = 40
 MULTI_START_POSES = 12
 # A descent that has not arrived after so many evaluations creeps along a valley that does not reach zero.
 MULTI_START_EVALUATIONS = 100
+SHOWN = 8
 
 
 def configuration_coordinates(mechanism: Mechanism, values: dict[str, float]) -> np.ndarray:
@@ -58,7 +62,7 @@ def close_configuration(mechanism: Mechanism, configuration: Configuration) -> C
 
 def pose_difference(mechanism: Mechanism, first: ClosedState, second: ClosedState) -> float:
     """Largest difference of two poses' tree coordinates, whole turns aside."""
-    return float(np.abs(_wrapped(mechanism, first.q - second.q) / mechanism.closure.coordinate_unit).max())
+    return float(np.abs(wrapped(mechanism, first.q - second.q) / mechanism.closure.coordinate_unit).max())
 
 
 def _same_mode(mechanism: Mechanism, first: ClosedState, second: ClosedState) -> bool:
@@ -115,10 +119,17 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
         raise wrong_independent(mechanism, start) or _no_pose(mechanism, start)
     check_independent(mechanism, poses[0])
     reason = "gives no configuration" if home is None else f"has an open or singular configuration {home.name!r}"
-    others = "; ".join(_label(mechanism, pose) for pose in poses[1:4]) or "none found"
+    # Only now: the modes at this pose are found from it.
+    mechanism.adopt_seeds((poses[0],))
+    from leg_dynamics.mechanism.modes import find_modes
+
+    modes = find_modes(mechanism)[1:]
+    others = "; ".join(map(str, modes[:3])) or "none found"
+    more = f" and {len(modes) - 3} more" if len(modes) > 3 else ""
     warnings.warn(
         f"{description.file}: the file {reason}; taking the closed pose nearest to it, "
-        f"{_label(mechanism, poses[0])}; other closed poses, perhaps of other assembly modes: {others}",
+        f"{_label(mechanism, poses[0])}; other assembly modes there: {others}{more}; choose one by mode=, or state a "
+        "configuration",
         LegDynamicsWarning,
         stacklevel=4,
     )
@@ -146,8 +157,13 @@ def _no_pose(mechanism: Mechanism, start: np.ndarray) -> AssemblyError:
 
 
 def _label(mechanism: Mechanism, state: ClosedState) -> str:
-    pairs = zip(mechanism.tree.joint_names, state.q, strict=True)
-    return "(" + ", ".join(f"{name} {value:.4g}" for name, value in pairs) + ")"
+    return pose_label(dict(zip(mechanism.tree.joint_names, state.q.tolist(), strict=True)))
+
+
+def pose_label(coordinates: Mapping[str, float]) -> str:
+    """Joint coordinates as words, the first of many."""
+    shown = [f"{name} {value:.4g}" for name, value in list(coordinates.items())[:SHOWN]]
+    return "(" + ", ".join([*shown, "..."] if len(coordinates) > SHOWN else shown) + ")"
 
 
 def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) -> list[ClosedState]:
@@ -174,7 +190,7 @@ def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) ->
         )
         if np.abs(solution.fun).max(initial=0.0) > 1e-6:
             continue
-        state = _close_seed(mechanism, _wrapped(mechanism, solution.x))
+        state = _close_seed(mechanism, wrapped(mechanism, solution.x))
         if state is None or not state.smallest_pivot > WELL_REGULAR:
             mirrored |= state is None and mechanism.is_mirrored(solution.x)
             continue
@@ -214,7 +230,7 @@ def _directed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) -> l
         )
         if np.abs(solution.fun).max(initial=0.0) > 1e-6:
             continue
-        state = _close_seed(mechanism, _wrapped(mechanism, solution.x))
+        state = _close_seed(mechanism, wrapped(mechanism, solution.x))
         if state is None:
             continue
         if all(pose_difference(mechanism, state, other) > DISTINCT_POSE for other in found):
@@ -226,7 +242,7 @@ def _directed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) -> l
     return sorted(kept, key=lambda state: float(np.linalg.norm((state.q - start) / unit)))
 
 
-def _wrapped(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+def wrapped(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     """Turn angles into (-pi, pi]; displacements stay, and angles in couplings, where a whole turn counts."""
     is_angle = np.array([mechanism.description.joint(name).unit == "rad" for name in mechanism.tree.joint_names])
     is_free = is_angle & ~mechanism.closure.coupling_matrix.any(axis=0)

@@ -1,4 +1,4 @@
-"""Which joints can be independent, where a file does not say it: driven ones first, then what its loops leave free."""
+"""Which joints can be independent where a file's flags are missing or wrong: stated ones first, then driven ones."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.linalg
 
+from leg_dynamics.description.flags import with_independent
+from leg_dynamics.description.topology import split_independent
 from leg_dynamics.mechanism.assembly import configuration_coordinates
 from leg_dynamics.mechanism.mechanism import Mechanism
 from leg_dynamics.mechanism.mobility import pose_rank, project
@@ -27,13 +29,12 @@ REGULAR = 1e-6
 def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] | None:
     """Joints that determine all the others at generic closed poses.
 
-    Driven joints and the root's are taken as independent as far as the loops let them be; passive ones fill up what is
-    left of the mobility, those whose motion determines the others best.
+    Joints that the file states as independent stay so as far as the loops let them be, then driven ones; passive ones
+    fill up what is left of the mobility, those whose motion determines the others best.
 
     Parameters
     ----------
     description : Description
-        Its own `independent` flags do not matter.
     seed : int
         Of the random poses.
 
@@ -42,26 +43,31 @@ def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] 
     tuple of str or None
         Joint names in the tree's order; None where no closed pose is found, or its own flags fit already.
     """
-    mechanism = Mechanism(description)
+    followers = {joint.name for joint in description.joints if joint.mimic is not None}
+    movable = {joint.name for joint in description.moving_joints} - followers
+    stated = {joint.name for joint in description.joints if joint.independent_is_stated and joint.independent}
+    own, _ = split_independent(description)
+    # Only the closed poses of this one are used, and those do not depend on its flags.
+    mechanism = Mechanism(with_independent(description, movable))
     poses = _closed_poses(mechanism, np.random.default_rng(seed))
     if not poses:
         return None
     unit = mechanism.closure.coordinate_unit
     rows = [mechanism.evaluate(q).jacobian * unit for q in poses]
     rank = max(pose_rank(mechanism, q, "pose").rank for q in poses)
-    if _usual(rows, mechanism.dependent, rank) > REGULAR and len(mechanism.dependent) == rank:
+    names = mechanism.tree.joint_names
+    dependent = np.array([k for k, name in enumerate(names) if name not in own], dtype=np.intp)
+    if len(dependent) == rank and _usual(rows, dependent, rank) > REGULAR:
         return None
     driven = {transmission.joint for transmission in description.transmissions}
-    driven.update(joint.name for joint in description.joints if joint.type == "floating")
-    names = mechanism.tree.joint_names
-    followers = {joint.name for joint in description.joints if joint.mimic is not None}
-    mimicking = [k for k, name in enumerate(names) if name in followers]
-    active = [k for k, name in enumerate(names) if name in driven and k not in mimicking]
-    passive = [k for k in range(len(names)) if k not in active and k not in mimicking]
+    # What is taken as dependent first stands first.
+    groups: list[list[int]] = [[], [], [], [], []]
+    for k, name in enumerate(names):
+        groups[0 if name in followers else 1 + (name in driven) + 2 * (name in stated)].append(k)
     best: list[int] = []
     best_value = REGULAR
     for K in rows:
-        chosen = _basis(K, [mimicking, passive, active], rank)
+        chosen = _basis(K, groups, rank)
         value = _usual(rows, np.array(chosen, dtype=np.intp), rank) if len(chosen) == rank else 0.0
         if value > best_value:
             best, best_value = chosen, value

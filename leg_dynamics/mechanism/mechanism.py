@@ -6,12 +6,13 @@ qd = G yd, qdd = G ydd + g, and tau = G^T rnea(q, G yd, G ydd + g).
 
 from __future__ import annotations
 
+import copy
 import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -23,12 +24,16 @@ from leg_dynamics.errors import (
     ActuationError,
     AssemblyError,
     DescriptionError,
+    LegDynamicsError,
     MissingFootError,
     NonFiniteError,
     SingularityError,
 )
 from leg_dynamics.mechanism.closure import Closure, ClosureRows
 from leg_dynamics.mechanism.tree import STANDARD_GRAVITY, FrameMemory, Tree, create_data
+
+if TYPE_CHECKING:
+    from leg_dynamics.mechanism.singular import Singular
 
 __all__ = ["ClosedState", "LoopForces", "Mechanism"]
 
@@ -49,6 +54,8 @@ SAFE_CORRECTION = 0.01
 RANK_TOLERANCE = 1e-9
 # At a dead centre G grows like 1/sigma, at a bifurcation it does not: their product tells them apart.
 DEAD_CENTRE = 0.03
+# Where a mode ends, the smallest singular value has fallen to about the square root of the smallest step.
+END_SHARE = 1e-2
 # What a result promises, relative to 1 + its largest magnitude: the tolerance that routes must agree within.
 PROMISED = 1e-9
 # Rounding of one residual, in units of the loop ends' distance from the world's origin plus a length of the mechanism.
@@ -58,8 +65,13 @@ ROUNDING = 2.0**-52
 # below 1e-10 at joint speeds of 5 rad/s.
 DOUBTFUL_INVERSE = 50.0
 SETTLING_STEPS = 3
-# Pivots of the mass matrix with unit diagonal: below this a motion has no mass of its own.
-SMALLEST_MASS = 1e-13
+SINGULAR_STEPS = 60
+# Rounding leaves a pose beside a bifurcation uncertain by its square root, 1e-8: nearer than this to a singular pose it
+# may be the singular pose itself, where G is noise although it stays bounded.
+RESOLVED = 1e7
+# Pivots of the mass matrix with unit diagonal: below this a motion has hardly any mass of its own, and its
+# acceleration fewer digits than `PROMISED`.
+SMALLEST_MASS = 1e-6
 
 
 @dataclass(slots=True)
@@ -174,6 +186,7 @@ class Mechanism:
         self._selection = np.zeros((self.nv, self.n))
         self._selection[self.independent, np.arange(self.n)] = 1.0
         self._is_open = self.closure.rows == 0
+        self._has_every_mass = self.tree.has_inertia_everywhere()
         none = np.zeros((0, 3))
         self._no_rows = ClosureRows(np.zeros(0), np.zeros((0, self.nv)), np.zeros((0, 6)), none, none)
         if self.closure.rows < len(self.dependent):
@@ -187,6 +200,7 @@ class Mechanism:
         self._workspace = _Workspace(self.tree)
         self._seed_lock = threading.RLock()
         self._seeds: tuple[ClosedState, ...] | None = None
+        self._no_seeds: LegDynamicsError | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {"description": self.description, "foot": self.foot, "hip": self.hip, "remembers": self.remembers}
@@ -198,7 +212,10 @@ class Mechanism:
     def _independent(description: Description) -> tuple[str, ...]:
         names = independent_joints(description)
         if not names:
-            raise DescriptionError("no joint is independent: mark at least one independent", file=description.file)
+            advice = (
+                "mark at least one independent" if description.moving_joints else "every joint is fixed, nothing moves"
+            )
+            raise DescriptionError(f"no joint is independent: {advice}", file=description.file)
         return names
 
     def _frame(self, role: str, link: str) -> int:
@@ -300,13 +317,28 @@ class Mechanism:
 
     def _singular(self, state: ClosedState) -> SingularityError:
         sigma = np.linalg.svd(state.dependent_jacobian, compute_uv=False)
+        singular = self.singular(state)
         return SingularityError(
             f"the closure is singular at {self.pose_text(state.y)}: smallest singular value {sigma[-1]:.3g} of largest "
-            f"{sigma[0]:.3g}; the independent joints do not determine the others there: move away from this pose, or "
-            "choose other independent joints",
+            f"{sigma[0]:.3g}; the independent joints do not determine the others there: {singular}; move away from "
+            "this pose, or choose other independent joints",
             margin=float(sigma[-1]),
             residual=state.residual,
+            kind=singular.kind,
+            direction=singular.direction,
+            pose=self.pose(state.y),
+            tree_coordinates=state.q.copy(),
         )
+
+    def singular(self, state: ClosedState) -> Singular:
+        """Kind and free motion of a pose at or near a singular one."""
+        from leg_dynamics.mechanism.singular import describe
+
+        return describe(self, state)
+
+    def pose(self, y: np.ndarray) -> dict[str, float]:
+        """Independent coordinates (n,) by name."""
+        return dict(zip(self.joint_names, y.tolist(), strict=True))
 
     def search_box(self) -> tuple[np.ndarray, np.ndarray]:
         """Joint limits (nv,), cut to half a turn and to four lengths of the mechanism either way."""
@@ -465,6 +497,43 @@ class Mechanism:
             state, done, step = reached, done + share, min(step * 1.5, 2.0 * longest)
         return state
 
+    def at_any_cost(self, y: np.ndarray) -> ClosedState:
+        """The pose at y (n,), also where it is singular and the mode can be followed to it no further.
+
+        Raises
+        ------
+        AssemblyError
+            The loops do not close there.
+        """
+        try:
+            return self.close(y)
+        except (AssemblyError, SingularityError) as error:
+            last = getattr(error, "tree_coordinates", None)
+            if last is None:
+                raise
+            q = last.copy()
+            q[self.independent] = y
+            state = self._nearest_closed(q)
+            # At a singular pose the residual is flat: it is small within the square root of rounding.
+            if not state.residual <= RESIDUAL_TOLERANCE:
+                raise
+            self._measure_pivots(state)
+            return state
+
+    def _nearest_closed(self, q: np.ndarray) -> ClosedState:
+        """Where the residual is smallest over the dependent coordinates, from q (nv,)."""
+        state = self._state(q, self.evaluate(q))
+        # Beside a singular pose each step of Newton halves the distance.
+        for _ in range(SINGULAR_STEPS):
+            step = np.linalg.lstsq(state.dependent_jacobian, -state.rows.residual, rcond=1e-12)[0]
+            moved = state.q.copy()
+            moved[self.dependent] += step * self._dependent_unit
+            better = self._state(moved, self.evaluate(moved))
+            if not better.residual < state.residual:
+                break
+            state = better
+        return state
+
     def _lost(self, state: ClosedState, y: np.ndarray, done: float) -> AssemblyError | SingularityError:
         """The error for a mode that was followed to `state` and not on to y."""
         q = state.q.copy()
@@ -475,14 +544,24 @@ class Mechanism:
             sigma = np.linalg.svd(state.dependent_jacobian, compute_uv=False)
             share = float(sigma[-1] / sigma[0]) if sigma[0] > 0.0 else 0.0
             if share < 1e-3 and share * float(np.abs(state.G).max()) < DEAD_CENTRE:
+                singular = self.singular(state)
                 return SingularityError(
                     f"the way to {self.pose_text(y)} passes a singular pose of the closure, where assembly modes meet: "
-                    f"{followed}, smallest singular value {sigma[-1]:.3g} of {sigma[0]:.3g}; take a path around it "
-                    "or start from a configuration on the other side",
+                    f"{followed}, smallest singular value {sigma[-1]:.3g} of {sigma[0]:.3g}, {singular}; take a path "
+                    "around it or start from a configuration on the other side",
                     margin=float(sigma[-1]),
                     residual=residual,
                     reached=state.y.copy(),
+                    tree_coordinates=state.q.copy(),
+                    kind=singular.kind,
+                    direction=singular.direction,
+                    pose=self.pose(state.y),
                 )
+        end, evidence = "", {}
+        if len(self.dependent) and share < END_SHARE:
+            singular = self.singular(state)
+            end = f" The mode ends at {singular}."
+            evidence = {"kind": singular.kind, "direction": singular.direction, "pose": self.pose(state.y)}
         if residual <= RESIDUAL_TOLERANCE:
             reason = "they can be closed there, but only at or beyond a singular pose of this mode"
         else:
@@ -490,16 +569,22 @@ class Mechanism:
             reason += f", the tolerance is {RESIDUAL_TOLERANCE:g}"
         return AssemblyError(
             f"the loops cannot be closed at {self.pose_text(y)}: {followed}; {reason}: stay inside this mode's "
-            "reach, or give a configuration of the mode that you mean",
+            f"reach, or give a configuration of the mode that you mean.{end}",
             margin=min(RESIDUAL_TOLERANCE - residual, 0.0),
             residual=residual,
             reached=state.y.copy(),
+            tree_coordinates=state.q.copy(),
+            **evidence,
         )
 
     def _smallest_residual(self, q: np.ndarray) -> float:
         """Norm of phi where it is smallest over the dependent coordinates, from q."""
+        return float(np.linalg.norm(self.evaluate(self._smallest(q)).residual))
+
+    def _smallest(self, q: np.ndarray) -> np.ndarray:
+        """Tree coordinates (nv,) whose residual is smallest over the dependent coordinates, from q."""
         if len(self.dependent) == 0:
-            return float(np.linalg.norm(self.evaluate(q).residual))
+            return q
         from scipy.optimize import least_squares
 
         def place(x: np.ndarray) -> np.ndarray:
@@ -517,7 +602,7 @@ class Mechanism:
             gtol=1e-15,
             max_nfev=20,
         )
-        return float(np.linalg.norm(solution.fun))
+        return place(solution.x)
 
     @property
     def seeds(self) -> tuple[ClosedState, ...]:
@@ -535,8 +620,25 @@ class Mechanism:
                 if self._seeds is None:
                     from leg_dynamics.mechanism.assembly import find_seeds
 
-                    self._seeds = find_seeds(self)
+                    if self._no_seeds is not None:
+                        raise copy.copy(self._no_seeds)
+                    try:
+                        self._seeds = find_seeds(self)
+                    except LegDynamicsError as error:
+                        # The search takes seconds and would end the same way for every call.
+                        self._no_seeds = copy.copy(error)
+                        raise
         return self._seeds
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there is nothing to close: every joint of the tree is independent."""
+        return self._is_open
+
+    def adopt_seeds(self, seeds: tuple[ClosedState, ...]) -> None:
+        """Let these closed poses define the assembly mode from now on."""
+        with self._seed_lock:
+            self._seeds = seeds
 
     def close(self, y: np.ndarray) -> ClosedState:
         """Tree coordinates that close the loops at y (n,), in the assembly mode of the nearest seed.
@@ -610,9 +712,17 @@ class Mechanism:
         return ROUNDING * (1.0 + float(np.abs(state.rows.arms).max(initial=0.0)) / self.closure.length)
 
     def _settled(self, state: ClosedState) -> ClosedState:
-        """The same pose; where it is nearly singular, with Newton continued to the limit of rounding."""
+        """The same pose; where it is nearly singular, with Newton continued to the limit of rounding.
+
+        Raises
+        ------
+        SingularityError
+            Rounding does not tell it from a singular pose.
+        """
         if self.inverse_norm(state) <= DOUBTFUL_INVERSE:
             return state
+        if self.inverse_norm(state) > RESOLVED and self.singular_values(state)[-1] * RESOLVED < 1.0:
+            raise self._singular(state)
         limit = self._noise(state)
         for _ in range(SETTLING_STEPS):
             step = self._solve(state, -state.rows.residual.reshape(-1, 1)).ravel()
@@ -675,12 +785,16 @@ class Mechanism:
         if error <= PROMISED or not np.isfinite(value).all():
             return
         sigma = self.singular_values(state)
+        singular = self.singular(state)
         raise SingularityError(
             f"the closure is nearly singular at {self.pose_text(state.y)}: smallest singular value {sigma[-1]:.3g} of "
             f"largest {sigma[0]:.3g}, so that rounding changes this result by {error:.3g} of 1 + its magnitude, the "
-            f"limit is {PROMISED:g}: move away from this pose; what depends on the velocity is known better at a lower "
-            "speed",
+            f"limit is {PROMISED:g}; {singular}: move away from this pose; what depends on the velocity is known "
+            "better at a lower speed",
             margin=PROMISED - error,
+            kind=singular.kind,
+            direction=singular.direction,
+            pose=self.pose(state.y),
             error=error,
             limit=PROMISED,
             smallest_singular_value=float(sigma[-1]),
@@ -876,14 +990,15 @@ class Mechanism:
     ) -> np.ndarray:
         """Forward dynamics by projection: M ydd = G_a^T tau - bias + J^T foot_force, shape (n,).
 
-        An open chain whose every joint is independent goes to pinocchio's articulated-body algorithm.
+        An open chain whose every joint is independent goes to pinocchio's articulated-body algorithm, unless massless
+        links could make its mass matrix singular, which that algorithm does not notice.
 
         Raises
         ------
         SingularityError
             A motion carries no mass, so that its acceleration is not determined.
         """
-        if self._is_open and self.directly_actuated and not self.dissipates:
+        if self._is_open and self._has_every_mass and self.directly_actuated and not self.dissipates:
             work = self._workspace
             effort = np.zeros(self.nv)
             effort[self.actuated] = tau
@@ -923,8 +1038,10 @@ class Mechanism:
 
     def _massless(self, state: ClosedState, pivot: float) -> SingularityError:
         return SingularityError(
-            f"the mass matrix is singular at {self.pose_text(state.y)} (smallest pivot {pivot:.3g} of 1): a motion "
-            "carries no mass; give the links it moves, or the rotors, their inertia",
+            f"the mass matrix is singular at {self.pose_text(state.y)}, or nearly (smallest pivot {pivot:.3g} of 1, "
+            f"the least accepted is {SMALLEST_MASS:g}): a motion carries no mass; give the links it moves, or the "
+            "rotors, their inertia, or move away from this pose where three hinges stand for a ball or floating joint "
+            "and the middle one is at a right angle",
             margin=pivot,
         )
 

@@ -12,6 +12,7 @@ from leg_dynamics.errors import AssemblyError, BranchError, OutOfReachError, Row
 from leg_dynamics.mechanism.assembly import SAME_POSE, close_configuration, configuration_coordinates, pose_difference
 from leg_dynamics.mechanism.mechanism import DOUBTFUL_INVERSE, ClosedState, LoopForces, Mechanism
 from leg_dynamics.mechanism.mobility import MobilityReport, mobility_report
+from leg_dynamics.mechanism.modes import AssemblyMode, find_modes
 from leg_dynamics.mechanism.redundant import RANK_SHARE, PoseSearch, RankReport, rank_report
 
 __all__ = ["PinocchioRoute"]
@@ -187,6 +188,46 @@ class PinocchioRoute:
     def mobility_report(self, samples: int = 20, seed: int = 0) -> MobilityReport:
         """Gruebler count against the rank of the loop rows."""
         return mobility_report(self.mechanism, samples, seed)
+
+    def home_coordinates(self) -> np.ndarray:
+        """Independent coordinates of the pose that defines the assembly mode, (n,); zeros of an open chain."""
+        mechanism = self.mechanism
+        return mechanism.seeds[0].y.copy()
+
+    def follow(self, q: np.ndarray) -> np.ndarray:
+        """Tree coordinates (N, nv) along a path of independent ones (N, n), each continued from the row before.
+
+        Raises
+        ------
+        AssemblyError, SingularityError
+            The mode ends or is singular on the way; `rows` names the first row that is not reached.
+        """
+        mechanism = self.mechanism
+        found = np.empty((len(q), mechanism.nv))
+        state: ClosedState | None = None
+        for row, y in enumerate(q):
+            try:
+                state = mechanism.close(y) if state is None or mechanism.is_open else mechanism.follow(state, y)
+            except RowError as error:
+                failures = RowFailures()
+                failures.add(row, error)
+                raise failures.combined(len(q)) from None
+            found[row] = state.q
+        return found
+
+    def singular_pose(self, q: np.ndarray) -> np.ndarray:
+        """Tree coordinates (nv,) that close the loops at a pose (n,), also where the closure is singular."""
+        return self.mechanism.at_any_cost(q).q
+
+    def assembly_modes(self, q: np.ndarray | None, attempts: int, seed: int) -> tuple[AssemblyMode, ...]:
+        """Closed poses at the same independent coordinates."""
+        return find_modes(self.mechanism, q, attempts, seed)
+
+    def actuator_jacobian(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Rates of the actuated joints per independent velocity, (..., m, n)."""
+        mechanism = self.mechanism
+        shape = (len(mechanism.actuated), mechanism.n)
+        return self._rows(lambda state: state.G[mechanism.actuated], shape, q, (), failures)
 
     def foot_rotation(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Foot orientation R_HF, (..., 3, 3)."""

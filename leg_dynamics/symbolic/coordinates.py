@@ -106,7 +106,8 @@ def reduce_coordinates(description: Description, relations: Sequence[Relation] =
     """
     independent = independent_joints(description)
     if not independent:
-        raise DescriptionError("no joint is independent: mark at least one independent", file=description.file)
+        advice = "mark at least one independent" if description.moving_joints else "every joint is fixed, nothing moves"
+        raise DescriptionError(f"no joint is independent: {advice}", file=description.file)
     order = [joint.name for joint in description.moving_joints]
     depth = {name: i for i, name in enumerate(order)}
     equations = list(coupling_equations(description))

@@ -32,7 +32,7 @@ __all__ = ["Graphs"]
 # A pivot this much smaller than its row's usual size: the row goes to the fallback.
 SMALLEST_PIVOT = 1e-7
 # Pivots of the mass matrix with unit diagonal: below this a motion has no mass of its own.
-SMALLEST_MASS = 1e-13
+SMALLEST_MASS = 1e-6
 # The actuators hold every motion: pivots of their transfer relative to its rows.
 SMALLEST_TRANSFER = 1e-9
 TOLERANCE = 1e-13
@@ -542,6 +542,13 @@ class Graphs:
         directions = [state.with_extras(direction, False) for direction in state.directions]
         return [[forms[name].rate(direction) for direction in directions] for name in self.model.actuated]
 
+    def actuator_jacobian(self) -> Program:
+        """Rates of the actuated joints per independent velocity, (m, n)."""
+        build = self._build(["q"])
+        transfer = self._transfer(build.state)
+        shape = (len(transfer), self.model.n)
+        return build.program("actuator_jacobian", [("A", shape, [x for row in transfer for x in row])])
+
     def _effort(self, build: _Build, generalized: Sequence[Scalar]) -> list[Scalar]:
         """Actuator efforts that do the same work as a generalised force at y."""
         model = self.model
@@ -649,8 +656,9 @@ class Graphs:
         M = self._mass_matrix(state)
         factor = Factor([dict(enumerate(row)) for row in M])
         for k, pivot in enumerate(factor.pivots):
-            if not isinstance(pivot, float):
-                build.guards.append(pivot - SMALLEST_MASS * M[k][k])
+            # A motion that carries nothing has a pivot that is the number zero: no row is valid.
+            nothing = isinstance(pivot, float) and not pivot > 0.0
+            build.guards.append(-1.0 if nothing else sub(pivot, mul(SMALLEST_MASS, M[k][k])))
         return factor.solve(right), transfer, factor.solve
 
     def _forward_names(self) -> list[str]:

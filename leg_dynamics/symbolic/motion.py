@@ -42,7 +42,13 @@ from leg_dynamics.symbolic.tree import GROUND, Placement, Tree
 
 __all__ = ["Frames", "Motion", "Orientation", "Position"]
 
+# Off-axis components of a unit vector along an axis. The component along it would not do: its cosine hides 1e-7 rad.
 ALONG_AXIS = 1e-14
+
+
+def _is_along(vector: Sequence[Scalar], axis: int) -> bool:
+    """Whether a constant unit vector is a coordinate axis or its opposite."""
+    return all(abs(component) < ALONG_AXIS for number, component in enumerate(vector) if number != axis)
 
 
 class Orientation:
@@ -69,7 +75,7 @@ class Orientation:
             return self
         if self.axis is not None:
             along = matrix[self.axis][self.axis]
-            if abs(abs(along) - 1.0) < ALONG_AXIS:
+            if _is_along([row[self.axis] for row in matrix], self.axis):
                 assert self.parent is not None
                 assert self.form is not None
                 # R_a(f) C = C R_a(+-f) where C maps the axis to itself or its opposite.
@@ -95,7 +101,7 @@ class Orientation:
         before = self.parent
         if self.matrix is not None and before is not None and before.axis is not None:
             along = self.matrix[before.axis][axis]
-            if abs(abs(along) - 1.0) < ALONG_AXIS:
+            if _is_along([row[axis] for row in self.matrix], before.axis):
                 assert before.form is not None
                 assert before.parent is not None
                 # R_b(f) C R_a(g) = R_b(f +- g) C where C maps a to +-b.
@@ -109,7 +115,7 @@ class Orientation:
     def turn_about(self, axis: tuple[float, float, float], form: Form) -> Orientation:
         """Word followed by a turn about any constant unit axis."""
         for number, component in enumerate(axis):
-            if abs(abs(component) - 1.0) < ALONG_AXIS:
+            if _is_along(axis, number):
                 return self.turn(number, form.scaled(math.copysign(1.0, component)))
         align = align_z(axis)
         return self.constant(align).turn(2, form).constant(transpose(align))

@@ -31,7 +31,8 @@ Kernel = Callable[..., Any]
 # Methods whose result may fail to exist although the loops are closed.
 MAY_BE_SINGULAR = ("acceleration", "torque")
 
-
+# Formulas of a mass matrix grow with the square of the joints.
+MOST_JOINTS = 1000
 # Torque in the file's gravity with a free foot: the inner loop of a controller has the fewest inputs.
 FREE_TORQUE = "free_torque"
 # Methods that `quick` offers; their arguments are the program's inputs.
@@ -117,6 +118,13 @@ class SymbolicRoute:
         fallback: Callable[[], Route] | None = None,
         threads: int | None = None,
     ) -> None:
+        joints = len(description.moving_joints)
+        if joints > MOST_JOINTS:
+            raise UnsupportedError(
+                f"{joints} tree joints are too many to be written out in formulas, the limit is {MOST_JOINTS}: fix "
+                "joints that need not move, or model a part of the mechanism",
+                joints=joints,
+            )
         coordinates = reduce_coordinates(description)
         self._description = description
         self._foot, self._hip = foot, hip
@@ -413,6 +421,38 @@ class SymbolicRoute:
             return found[order]
 
         return self._run("tree_coordinates", (q,), failures, retry, (len(self.tree_joint_names),))
+
+    def home_coordinates(self) -> np.ndarray:
+        """Independent coordinates of the pose that defines the assembly mode, (n,)."""
+        try:
+            (y, _), _ = self._home(())
+        except RowError:
+            if self.fallback is None:
+                raise
+            return self.fallback.home_coordinates()
+        return y.copy()
+
+    def assembly_modes(self, q: np.ndarray | None, attempts: int, seed: int) -> Any:
+        """Closed poses at the same independent coordinates, by the fallback.
+
+        Raises
+        ------
+        UnsupportedError
+            There is no fallback.
+        """
+        find = getattr(self.fallback, "assembly_modes", None)
+        if find is None:
+            raise UnsupportedError("this route does not look for assembly modes: use route='pinocchio'")
+        return find(q, attempts, seed)
+
+    def actuator_jacobian(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
+        """Rates of the actuated joints per independent velocity, (..., m, n)."""
+
+        def retry(route: Route, pick: Any, inner: RowFailures) -> np.ndarray:
+            return route.actuator_jacobian(pick(q), inner)
+
+        shape = (len(self.actuator_joints), len(self.joint_names))
+        return self._run("actuator_jacobian", (q,), failures, retry, shape)
 
     def foot_position(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Foot position, (..., 3) m."""

@@ -63,16 +63,36 @@ def test_flags_that_fit_stay():
 
 
 def test_loading_says_what_was_chosen():
-    with pytest.warns(LegDynamicsWarning, match=r"leave 1 motions: taking three as independent; state the flags"):
+    with pytest.warns(LegDynamicsWarning, match=r"leave 1 motion: taking three as independent; state the flags"):
         leg = ld.load(four_bar(["three"]))
     assert leg.joint_names == ("three",)
     assert leg.actuator_names == ("m_three",)
 
 
-def test_stated_flags_are_not_changed(recwarn):
-    leg = ld.load(four_bar(["three"]).replace('name="one" type', 'name="one" independent="false" type'))
-    assert leg.joint_names == ("two", "three")
-    assert not [each for each in recwarn if "no joint states" in str(each.message)]
+def test_stated_flags_that_fit_are_not_changed(recwarn):
+    text = four_bar(["three"])
+    for name in ("two", "three"):
+        text = text.replace(f'name="{name}" type', f'name="{name}" independent="false" type')
+    assert ld.load(text).joint_names == ("one",)
+    assert not [each for each in recwarn if "independent" in str(each.message)]
+
+
+@pytest.mark.parametrize(
+    ("stated", "kept"),
+    [
+        ({"one": "false"}, ("three",)),  # two and three would be two motions; three is driven
+        ({"one": "false", "two": "True"}, ("two",)),  # what is stated goes before what is driven
+        ({"one": "false", "two": "false", "three": "false"}, ("three",)),
+    ],
+)
+def test_stated_flags_that_do_not_fit_are_corrected_with_a_warning(stated, kept):
+    text = four_bar(["three"])
+    for name, value in stated.items():
+        text = text.replace(f'name="{name}" type', f'name="{name}" independent="{value}" type')
+    with pytest.warns(LegDynamicsWarning, match=r"stated as independent, .*, do not fit, .*1 motion: taking"):
+        leg = ld.load(text)
+    assert leg.joint_names == kept
+    assert np.isfinite(leg.generalized_force([0.01], [0.0], [0.0])).all()
 
 
 @pytest.mark.skipif(not MODELS.is_dir(), reason="the models of others are not there")

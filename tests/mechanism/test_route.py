@@ -21,6 +21,7 @@ from leg_dynamics.errors import (
 )
 from leg_dynamics.mechanism.mechanism import Mechanism
 from leg_dynamics.mechanism.route import PinocchioRoute
+from leg_dynamics.routes import Recipe
 
 
 @pytest.fixture(scope="module")
@@ -108,8 +109,9 @@ def test_failing_rows_are_named_and_the_others_computed(lab):
 
 
 def test_wrong_flags_are_no_rows_fault(lab):
-    """A file's mistake is an error even where rows may fail quietly."""
-    leg = ld.load(lab.FourBar().text(flags=(True, True, True)).xml)
+    """Flags that fit at home and nowhere else: a file's mistake is an error even where rows may fail quietly."""
+    description = parse(lab.FourBar().text(flags=(True, True, True)).xml)
+    leg = Recipe(description, "pinocchio", None, None).build()
     with pytest.raises(DescriptionError, match="mobility is 1"):
         leg.torque(np.zeros((4, 3)), np.zeros(3), np.zeros(3), on_error="nan")
 

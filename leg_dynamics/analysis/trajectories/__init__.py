@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from leg_dynamics.analysis.trajectories.csv_file import from_csv
 from leg_dynamics.analysis.trajectories.feasibility import OffsetWindow, feasible_offset_windows
+from leg_dynamics.analysis.trajectories.following import TorqueAlong, assemble_along, torque_along
 from leg_dynamics.analysis.trajectories.foot_path import FootPath
 from leg_dynamics.analysis.trajectories.gait import GaitCycle, gait_cycle
 from leg_dynamics.analysis.trajectories.omnileg import (
@@ -50,8 +51,10 @@ __all__ = [
     "OffsetWindow",
     "PiecewisePolynomial",
     "Seam",
+    "TorqueAlong",
     "Trajectory",
     "TrajectoryFactory",
+    "assemble_along",
     "blend",
     "check_periodic",
     "concatenate",
@@ -76,4 +79,5 @@ __all__ = [
     "sample_times",
     "seam",
     "time_scale",
+    "torque_along",
 ]

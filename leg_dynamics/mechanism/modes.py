@@ -1,0 +1,224 @@
+"""Assembly modes: the closed poses that a mechanism can be put together in at the same independent coordinates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from leg_dynamics.errors import AssemblyError, LegDynamicsError, ParameterError
+from leg_dynamics.mechanism.assembly import (
+    SAME_POSE,
+    close_configuration,
+    configuration_coordinates,
+    pose_difference,
+    pose_label,
+    wrapped,
+)
+
+if TYPE_CHECKING:
+    from leg_dynamics.mechanism.mechanism import ClosedState, Mechanism
+
+__all__ = ["AssemblyMode", "find_modes", "mode_near"]
+
+ATTEMPTS = 60
+# A pose nearer to singular than this is where modes meet, and belongs to none.
+REGULAR = 1e-6
+EVALUATIONS = 60
+# A pose that is given to tell a mode may be that far from closed, rad or shares of the mechanism's length.
+NEAR = 0.5
+
+
+@dataclass(frozen=True)
+class AssemblyMode:
+    """One closed pose at given independent coordinates, and the mode that it stands for.
+
+    Attributes
+    ----------
+    name : str
+        That of a configuration of the file that lies in it, else ``mode_2``, ``mode_3`` ... in an order that depends on
+        the file alone; the mode in use is the first.
+    coordinates : mapping of str to float
+        Every moving joint of the tree, rad or m.
+    regularity : float
+        Smallest singular value of the closure, dimensionless: 0 where modes meet.
+    configurations : tuple of str
+        Configurations of the file that lie in it.
+    """
+
+    name: str
+    coordinates: Mapping[str, float]
+    regularity: float
+    configurations: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "coordinates", MappingProxyType(dict(self.coordinates)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return AssemblyMode, (self.name, dict(self.coordinates), self.regularity, self.configurations)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The mode as JSON-ready values."""
+        return {
+            "name": self.name,
+            "coordinates": dict(self.coordinates),
+            "regularity": self.regularity,
+            "configurations": list(self.configurations),
+        }
+
+    def __str__(self) -> str:
+        return f"{self.name} {pose_label(self.coordinates)}"
+
+
+def find_modes(
+    mechanism: Mechanism, y: np.ndarray | None = None, attempts: int = ATTEMPTS, seed: int = 0
+) -> tuple[AssemblyMode, ...]:
+    """Closed, regular poses at the same independent coordinates, by multi-start over the dependent ones.
+
+    Two of them may still be joined by a way around the singular poses: they are told apart at these coordinates only.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    y : (n,) array, optional
+        Independent coordinates, rad or m; the home pose's where None.
+    attempts : int
+        Starting points. More of them find more modes of a mechanism with many.
+    seed : int
+        Of the starting points.
+
+    Returns
+    -------
+    tuple of AssemblyMode
+        The mode in use first, then the others by their distance from it.
+
+    Raises
+    ------
+    AssemblyError, SingularityError
+        The mode in use has no pose at y.
+    """
+    current = mechanism.seeds[0] if y is None else mechanism.close(y)
+    found = [current, *(state for state in _solutions(mechanism, current, attempts, seed))]
+    unit = mechanism.closure.coordinate_unit
+    others = sorted(
+        found[1:],
+        key=lambda state: (
+            round(float(np.linalg.norm(wrapped(mechanism, state.q - current.q) / unit)), 9),
+            *state.q.round(9).tolist(),
+        ),
+    )
+    return _named(mechanism, [current, *others])
+
+
+def _solutions(mechanism: Mechanism, current: ClosedState, attempts: int, seed: int) -> list[ClosedState]:
+    """Other regular closed poses at the current one's independent coordinates."""
+    dependent = mechanism.dependent
+    if not len(dependent) or not mechanism.closure.loops:
+        return []
+    generator = np.random.default_rng(seed)
+    unit = mechanism.closure.coordinate_unit[dependent]
+    lower, upper = (bound[dependent] for bound in mechanism.search_box())
+    is_angle = np.array([mechanism.description.joint(mechanism.tree.joint_names[k]).unit == "rad" for k in dependent])
+    # Limits belong to a mode's use, not to its existence.
+    lower, upper = np.where(is_angle, -math.pi, lower), np.where(is_angle, math.pi, upper)
+
+    def place(x: np.ndarray) -> np.ndarray:
+        q = current.q.copy()
+        q[dependent] = x
+        return q
+
+    found: list[ClosedState] = []
+    for _ in range(attempts):
+        solution = least_squares(
+            lambda x: mechanism.evaluate(place(x)).residual,
+            generator.uniform(lower, upper),
+            jac=lambda x: np.array(mechanism.evaluate(place(x)).jacobian[:, dependent]),
+            x_scale=unit,
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+            max_nfev=EVALUATIONS,
+        )
+        if np.abs(solution.fun).max(initial=0.0) > 1e-6:
+            continue
+        state = mechanism.correct(wrapped(mechanism, place(solution.x)), 0.05)
+        if state is None or not state.smallest_pivot > REGULAR:
+            continue
+        if all(pose_difference(mechanism, state, other) > 1e-3 for other in (current, *found)):
+            found.append(mechanism.complete(state))
+    return found
+
+
+def _named(mechanism: Mechanism, states: list[ClosedState]) -> tuple[AssemblyMode, ...]:
+    """The modes of some poses at the same independent coordinates, with the configurations that lead to each."""
+    held: list[list[str]] = [[] for _ in states]
+    for configuration in mechanism.description.configurations:
+        start = close_configuration(mechanism, configuration)
+        if start is None:
+            continue
+        try:
+            reached = mechanism.follow(start, states[0].y)
+        except LegDynamicsError:
+            continue
+        for place, state in enumerate(states):
+            if pose_difference(mechanism, reached, state) < SAME_POSE:
+                held[place].append(configuration.name)
+    modes = []
+    for number, (state, names) in enumerate(zip(states, held, strict=True), 1):
+        sigma = mechanism.singular_values(state)
+        coordinates = dict(zip(mechanism.tree.joint_names, mechanism.unwound(state.q).tolist(), strict=True))
+        name = names[0] if names else f"mode_{number}"
+        modes.append(AssemblyMode(name, coordinates, float(sigma.min(initial=np.inf)), tuple(names)))
+    return tuple(modes)
+
+
+def mode_near(mechanism: Mechanism, values: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+    """Tree coordinates of the closed pose near some joint coordinates.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    values : mapping of str to float
+        rad or m. Joints left out are as in the file's home configuration, else zero.
+
+    Raises
+    ------
+    ParameterError
+        A joint is unknown, or a value is not a finite number.
+    AssemblyError
+        No closed, regular pose is near.
+    """
+    names = mechanism.tree.joint_names
+    for name, value in values.items():
+        if name not in names:
+            raise ParameterError(
+                f"mode names an unknown joint {name!r}; the moving joints are {', '.join(names)}", parameter="mode"
+            )
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
+            raise ParameterError(f"mode has {name} = {value!r}, which is not a finite number", parameter="mode")
+    home = mechanism.description.home
+    start = configuration_coordinates(mechanism, ({} if home is None else dict(home.values)) | dict(values))
+    state = mechanism.correct(start, NEAR)
+    if state is None:
+        # The independent coordinates given need not be exact either.
+        from leg_dynamics.mechanism.mobility import project
+
+        closed = project(mechanism, start)
+        unit = mechanism.closure.coordinate_unit
+        if closed is not None and float(np.abs((closed - start) / unit).max()) <= NEAR:
+            state = mechanism.correct(closed, NEAR)
+    if state is None or not state.smallest_pivot > REGULAR:
+        residual = float(np.linalg.norm(mechanism.evaluate(start).residual))
+        raise AssemblyError(
+            f"there is no regular closed pose of {mechanism.description.name!r} within {NEAR:g} rad (or lengths of the "
+            f"mechanism) of the mode's coordinates, whose loop residual is {residual:.3g}: give coordinates nearer to "
+            "a closed pose, of more joints",
+            residual=residual,
+            margin=-residual,
+        )
+    return tuple(zip(names, state.q.tolist(), strict=True))
