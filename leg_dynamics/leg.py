@@ -1046,11 +1046,12 @@ class Leg:
         foot_force: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
         out: np.ndarray | None = None,
-        *,
+        # Not behind the star: filling in the defaults of keywords takes longer, and this is called in control loops.
         weights: ArrayLike | None = None,
         bounds: Any = None,
         preload: ArrayLike | None = None,
         allow_idle: bool = False,
+        *,
         on_error: OnError = "raise",
     ) -> np.ndarray | IdleTorque:
         """Inverse dynamics: actuator efforts for a motion.
