@@ -169,6 +169,7 @@ class ActuationError(LegDynamicsError, ValueError):
             actuators=verdict.actuators,
         )
 
+
 class ShapeError(LegDynamicsError, ValueError):
     """An array has the wrong shape or type."""
 

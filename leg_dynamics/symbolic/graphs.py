@@ -569,6 +569,8 @@ class Graphs:
         for pivot, sign, size in zip(factor.pivots, pivots.signs, pivots.sizes, strict=True):
             if not isinstance(pivot, float):
                 build.guards.append(sign * pivot - SMALLEST_TRANSFER * size)
+            elif pivot == 0.0:
+                build.guards.append(-1.0)
         solved = factor.solve([generalized[row] for row in pivots.rows])
         efforts: list[Scalar] = [0.0] * model.n
         for column, value in zip(pivots.columns, solved, strict=True):
@@ -656,9 +658,12 @@ class Graphs:
         M = self._mass_matrix(state)
         factor = Factor([dict(enumerate(row)) for row in M])
         for k, pivot in enumerate(factor.pivots):
-            # A motion that carries nothing has a pivot that is the number zero: no row is valid.
-            nothing = isinstance(pivot, float) and not pivot > 0.0
-            build.guards.append(-1.0 if nothing else sub(pivot, mul(SMALLEST_MASS, M[k][k])))
+            margin = sub(pivot, mul(SMALLEST_MASS, M[k][k]))
+            if not isinstance(margin, float):
+                build.guards.append(margin)
+            elif not margin > 0.0:
+                # A motion that carries nothing in any pose: no row is valid.
+                build.guards.append(-1.0)
         return factor.solve(right), transfer, factor.solve
 
     def _forward_names(self) -> list[str]:

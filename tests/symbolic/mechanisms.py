@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from hypothesis import strategies as st
@@ -57,6 +57,9 @@ class Plan:
     losses: bool
     bodies: str
     foot: str
+    flags: str = "stated"
+    any_pose: bool = False
+    """Whether a singular pose, or a mechanism that cannot move, will do as well."""
 
 
 def blocks() -> st.SearchStrategy[Block]:
@@ -94,6 +97,23 @@ def plans(first: st.SearchStrategy[Block] | None = None, most: int = 3) -> st.Se
         st.booleans(),
         st.sampled_from(["solid", "solid", "points", "massless"]),
         st.sampled_from(["last", "random", "random", "root", "none"]),
+    )
+
+
+def wild_plans(most: int = 3) -> st.SearchStrategy[Plan]:
+    """Plans of everything that files in the wild have: also flags, actuators and bodies that do not fit."""
+    return st.builds(
+        Plan,
+        st.integers(0, 2**32 - 1),
+        st.sampled_from(["plain", "turned", "hip"]),
+        st.lists(blocks(), min_size=1, max_size=most).map(tuple),
+        st.sampled_from(["none", "independent", "independent", "dependent", "too few", "too many", "all", "any"]),
+        st.sampled_from(["none", "wide", "narrow", "one-sided"]),
+        st.booleans(),
+        st.sampled_from(["solid", "points", "massless", "mixed", "mixed"]),
+        st.sampled_from(["last", "random", "root", "none"]),
+        st.sampled_from(["stated", "stated", "stated", "written oddly", "missing", "dependent only", "wrong"]),
+        st.sampled_from([False, False, False, False, False, True]),
     )
 
 
@@ -316,12 +336,23 @@ class Builder:
 
     def inertial(self, number: int, bodies: str) -> str:
         generator = self.generator
+        if bodies == "mixed":
+            bodies = self.pick(["solid", "solid", "points", "massless", "without mass", "nothing", "rod", "light"])
+            number -= number % 6
         if bodies == "massless" and number % 3 == 0:
             return ""
         mass = generator.uniform(0.2, 1.0)
         points = generator.normal(scale=0.08, size=(8, 3)) * (bodies != "points" or number % 2)
         second = points.T @ points / 8.0
+        if bodies == "rod":
+            second = np.outer(points[0], points[0])
         tensor = mass * (np.trace(second) * np.eye(3) - second)
+        if bodies == "nothing":
+            tensor *= 0.0
+        if bodies in ("without mass", "nothing"):
+            mass = 0.0
+        if bodies == "light":
+            mass, tensor = 1e-9 * mass, 1e-9 * tensor
         keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         entries = " ".join(f'{key}="{float(x)!r}"' for key, x in zip(keys, tensor[np.triu_indices(3)], strict=True))
         pose = f'xyz="{words(generator.normal(scale=0.05, size=3))}" rpy="{words(generator.uniform(-3, 3, 3))}"'
@@ -336,8 +367,17 @@ class Builder:
         lower, upper = value - room[0] * unit, value + room[1] * unit
         return f'<limit lower="{lower!r}" upper="{upper!r}" effort="100" velocity="100"/>'
 
+    def flag(self, independent: bool, how: str) -> str:
+        """A flag as a file has it: read without regard to case, or nothing to go by."""
+        if how == "wrong":
+            independent = bool(self.generator.random() < 0.5)
+        word = str(independent).lower()
+        return self.pick([word, word.upper(), word.title()]) if how == "written oddly" else word
+
     def joint_text(self, joint: Part, flags: dict[str, bool], plan: Plan, losses: dict[str, tuple]) -> str:
-        flag = f' independent="{str(flags[joint.name]).lower()}"' if joint.name in flags else ""
+        flag = f' independent="{self.flag(flags[joint.name], plan.flags)}"' if joint.name in flags else ""
+        if plan.flags == "missing" or (plan.flags == "dependent only" and "true" in flag):
+            flag = ""
         inner = f'<parent link="{joint.parent}"/><child link="{joint.child}"/>'
         inner += f'<origin xyz="{words(joint.xyz)}" rpy="{words(joint.rpy)}"/>'
         if joint.kind != "fixed":
@@ -435,6 +475,10 @@ class Builder:
             driven = driven[1:]
         elif plan.drive == "too many" and dependent:
             driven.append(dependent[0])
+        elif plan.drive == "all":
+            driven = list(oracle.names)
+        elif plan.drive == "any":
+            driven = [name for name in oracle.names if self.generator.random() < 0.5]
         text = ""
         for name in driven:
             reduction, rotor = self.generator.uniform(1.0, 10.0), self.generator.uniform(0.0, 1e-3)
@@ -476,13 +520,14 @@ def build(plan: Plan, trials: int = 20) -> Made | None:
         builder.settle(plan)
         closing = builder.closing(plan)
         oracle = Oracle(builder.file(plan, {}, closing, "", {}), ())
-        if oracle.mobility == 0:
+        if oracle.mobility == 0 and not plan.any_pose:
             continue
         dependent = builder.dependent(oracle)
         flags = {joint.name: joint.name not in dependent for joint in builder.moving()}
         independent = tuple(name for name, flag in flags.items() if flag)
         oracle = Oracle(builder.file(plan, flags, closing, "", {}), independent)
-        if len(independent) != oracle.mobility or oracle.conditioning(oracle.home) < REGULAR:
+        regular = len(independent) == oracle.mobility and oracle.conditioning(oracle.home) >= REGULAR
+        if not (regular or plan.any_pose):
             continue
         foot = {
             "last": builder.links[-1],
@@ -490,7 +535,10 @@ def build(plan: Plan, trials: int = 20) -> Made | None:
             "root": "root",
             "none": None,
         }[plan.foot]
-        text = builder.file(plan, flags, closing, builder.drives(plan, oracle), builder.losses(plan))
+        # Gains exist at regular poses only.
+        drive = plan.drive if regular or plan.drive != "dependent" else "independent"
+        drives = builder.drives(replace(plan, drive=drive), oracle)
+        text = builder.file(plan, flags, closing, drives, builder.losses(plan))
         return Made(text, foot, hip, independent, plan)
     return None
 

@@ -31,6 +31,16 @@ def test_turns_about_one_axis_add_and_cancel(root):
     assert one.turn(1, angle(1)).turn(1, angle(1, -1.0)).turn(0, angle(0, -1.0)) is root
 
 
+@pytest.mark.parametrize("tilt", [1e-7, 1e-9, 1e-12])
+def test_axes_that_are_not_quite_parallel_stay_apart(root, tilt):
+    tilted = axis_rotation(0, tilt)
+    assert root.turn(1, angle(0)).constant(tilted).turn(1, angle(1)).depth == 2
+    assert root.turn(1, angle(0)).constant(tilted).parent.depth == 1
+    assert root.turn_about((0.0, math.cos(tilt), math.sin(tilt)), angle(0)) is not root.turn(1, angle(0))
+    # Rounding is no tilt.
+    assert root.turn(1, angle(0)).constant(axis_rotation(0, 1e-3 * tilt * 1e-9)).turn(1, angle(1)).depth == 1
+
+
 def test_constants_move_left_through_turns_about_their_axis(root):
     half = axis_rotation(0, math.pi)
     # A half turn about x reverses y.

@@ -191,7 +191,7 @@ def test_compiled_kernels_of_random_mechanisms(lab, tmp_path, monkeypatch):
 
 
 def both(text, foot, hip, lab):
-    """What each route makes of a text: a leg, or the named error that refuses it."""
+    """What each route by itself makes of a text: a leg, or the named error that refuses it."""
     found = []
     for route in ("symbolic", "pinocchio"):
         try:
@@ -200,7 +200,7 @@ def both(text, foot, hip, lab):
                 back = SymbolicRoute(description, foot, hip, lab.evaluate.evaluator)
                 found.append(Leg(back, description, foot, Recipe(description, route, None, foot)))
             else:
-                found.append(ld.load(text, route=route, foot=foot))
+                found.append(Recipe(parse(text), route, None, foot).build())
         except LegDynamicsError as error:
             found.append(error)
     return found
