@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from leg_dynamics.errors import AssemblyError, LegDynamicsWarning, SingularityError
-from leg_dynamics.mechanism.mobility import check_independent, wrong_independent
+from leg_dynamics.mechanism.mobility import ROUNDED_ADVICE, ROUNDED_SHARE, check_independent, wrong_independent
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Configuration
@@ -41,6 +41,11 @@ MULTI_START_POSES = 12
 # A descent that has not arrived after so many evaluations creeps along a valley that does not reach zero.
 MULTI_START_EVALUATIONS = 100
 SHOWN = 8
+# A residual that cannot be made smaller, or a singular value, is taken for rounding of the file's numbers below this,
+# and for zero below that.
+ROUNDED = 1e-2
+ROUNDED_CLOSED = 1e-9
+ROUNDED_ATTEMPTS = 8
 
 
 def configuration_coordinates(mechanism: Mechanism, values: dict[str, float]) -> np.ndarray:
@@ -116,7 +121,7 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
         return (state,)
     poses = find_closed_poses(mechanism, start)
     if not poses:
-        raise wrong_independent(mechanism, start) or _no_pose(mechanism, start)
+        raise _rounded(mechanism, start) or wrong_independent(mechanism, start) or _no_pose(mechanism, start)
     check_independent(mechanism, poses[0])
     reason = "gives no configuration" if home is None else f"has an open or singular configuration {home.name!r}"
     # Only now: the modes at this pose are found from it.
@@ -154,6 +159,58 @@ def _no_pose(mechanism: Mechanism, start: np.ndarray) -> AssemblyError:
         residual=residual,
         margin=-residual,
     )
+
+
+def _rounded(mechanism: Mechanism, start: np.ndarray) -> AssemblyError | None:
+    """The error to raise where the loops nearly close, but rounding of the file's numbers keeps them from it."""
+    found = _rounded_numbers(mechanism, start)
+    if found is None:
+        return None
+    smallest, loops, what = found
+    return AssemblyError(
+        f"the loops of {mechanism.description.name!r} close nearly, but not regularly and to rounding: {what}, in "
+        f"{', '.join(loops)}; their rows contradict each other by that much, as where {ROUNDED_ADVICE}",
+        residual=smallest,
+        margin=-smallest,
+        loops=loops,
+    )
+
+
+def _rounded_numbers(
+    mechanism: Mechanism, start: np.ndarray, seed: int = 0
+) -> tuple[float, tuple[str, ...], str] | None:
+    """Smallest norm of the residual, the loops that it is in, and words for it, where rounding may be the reason."""
+    generator = np.random.default_rng(seed)
+    unit = mechanism.closure.coordinate_unit
+    best, at, rows = np.inf, start, np.zeros(0)
+    for attempt in range(ROUNDED_ATTEMPTS):
+        solution = least_squares(
+            lambda q: mechanism.evaluate(q).residual,
+            start + 0.1 * attempt * unit * generator.standard_normal(mechanism.nv),
+            jac=lambda q: np.array(mechanism.evaluate(q).jacobian),
+            x_scale=unit,
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+            max_nfev=MULTI_START_EVALUATIONS,
+        )
+        norm = float(np.linalg.norm(solution.fun))
+        if norm < best:
+            best, at, rows = norm, solution.x, np.abs(solution.fun)
+    if not best < ROUNDED or not mechanism.closure.rows:
+        return None
+    owners = np.array(mechanism.closure.row_owner)
+    if best > ROUNDED_CLOSED:
+        names = tuple(dict.fromkeys(owners[rows > 0.1 * rows.max()].tolist()))
+        return best, names, f"the smallest residual found is {best:.3g}"
+    left, sigma, _ = np.linalg.svd(mechanism.evaluate(at).jacobian * unit, full_matrices=False)
+    share = sigma / sigma[0]
+    small = np.flatnonzero((share > ROUNDED_CLOSED) & (share < ROUNDED_SHARE))
+    if not small.size:
+        return None
+    taking = np.abs(left[:, small]).max(axis=1) > 0.1
+    names = tuple(dict.fromkeys(owners[taking].tolist()))
+    return best, names, f"the rows have a singular value of {share[small[-1]]:.3g} of the largest"
 
 
 def _label(mechanism: Mechanism, state: ClosedState) -> str:

@@ -9,9 +9,10 @@ import scipy.linalg
 
 from leg_dynamics.description.flags import with_independent
 from leg_dynamics.description.topology import split_independent
+from leg_dynamics.errors import DescriptionError
 from leg_dynamics.mechanism.assembly import configuration_coordinates
 from leg_dynamics.mechanism.mechanism import Mechanism
-from leg_dynamics.mechanism.mobility import pose_rank, project
+from leg_dynamics.mechanism.mobility import ROUNDED_ADVICE, ROUNDED_SHARE, pose_rank, project
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description
@@ -42,6 +43,11 @@ def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] 
     -------
     tuple of str or None
         Joint names in the tree's order; None where no closed pose is found, or its own flags fit already.
+
+    Raises
+    ------
+    DescriptionError
+        The mobility hangs on rows that count by no more than the rounding of the file's numbers.
     """
     followers = {joint.name for joint in description.joints if joint.mimic is not None}
     movable = {joint.name for joint in description.moving_joints} - followers
@@ -54,11 +60,21 @@ def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] 
         return None
     unit = mechanism.closure.coordinate_unit
     rows = [mechanism.evaluate(q).jacobian * unit for q in poses]
-    rank = max(pose_rank(mechanism, q, "pose").rank for q in poses)
+    ranks = [pose_rank(mechanism, q, "pose") for q in poses]
+    rank = max(each.rank for each in ranks)
     names = mechanism.tree.joint_names
     dependent = np.array([k for k, name in enumerate(names) if name not in own], dtype=np.intp)
     if len(dependent) == rank and _usual(rows, dependent, rank) > REGULAR:
         return None
+    share = max(each.gap[0] for each in ranks if each.rank == rank)
+    if 0.0 < share < ROUNDED_SHARE:
+        raise DescriptionError(
+            f"the loops' rows leave {len(names) - rank} motions, but one of the rows counts by {share:.3g} of the "
+            f"largest only, as where {ROUNDED_ADVICE}",
+            file=description.file,
+            mobility=len(names) - rank,
+            share=share,
+        )
     driven = {transmission.joint for transmission in description.transmissions}
     # What is taken as dependent first stands first.
     groups: list[list[int]] = [[], [], [], [], []]

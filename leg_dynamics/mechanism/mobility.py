@@ -34,6 +34,12 @@ PROJECTION_RANK = 1e-6
 PROBE_STEPS = (0.05, 0.01, 0.002)
 NEIGHBOUR = 0.2
 NEIGHBOURS = 6
+# A row that counts by less than this share at generic poses counts only because the file's numbers are rounded.
+ROUNDED_SHARE = 1e-4
+ROUNDED_ADVICE = (
+    "the file's numbers are rounded (an angle of 1.5708 is off by 3.7e-06): write them with all digits, or use a loop "
+    "type with fewer rows, such as spherical"
+)
 
 
 @dataclass(frozen=True)
@@ -167,6 +173,11 @@ def _flags_error(mechanism: Mechanism, rank: PoseRank) -> DescriptionError:
         fault = f'{flagged - mobility} of them cannot move freely: mark passive joints independent="false"'
     else:
         fault = "but these joints do not determine the others: mark other joints independent"
+    if 0.0 < rank.gap[0] < ROUNDED_SHARE:
+        fault = (
+            f"but one of the rows counts by {rank.gap[0]:.3g} of the largest only, so that the mobility is greater if "
+            f"{ROUNDED_ADVICE}"
+        )
     return DescriptionError(
         f"{flagged} joints are independent ({', '.join(mechanism.joint_names)}) and the mechanism's mobility is "
         f"{mobility} ({mechanism.nv} tree joints, loop rows of rank {rank.rank}); {fault}",

@@ -6,10 +6,13 @@ import warnings
 import numpy as np
 import pytest
 
+import leg_dynamics as ld
 from leg_dynamics.description import parse
-from leg_dynamics.errors import AssemblyError, LegDynamicsWarning, SingularityError
+from leg_dynamics.errors import AssemblyError, DescriptionError, LegDynamicsWarning, SingularityError
 from leg_dynamics.mechanism.assembly import find_closed_poses
 from leg_dynamics.mechanism.mechanism import FARTHEST, Mechanism
+
+from ..five_bar import five_bar
 
 
 def values(mechanism, state):
@@ -180,6 +183,32 @@ def test_without_a_configuration_the_nearest_pose_is_chosen_the_same_way_each_ti
     assert len(seeds[0]) == 1
     np.testing.assert_array_equal(seeds[0][0].q, seeds[1][0].q)
     assert seeds[0][0].residual < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("hinge", "loop", "what"),
+    [
+        (1.5708, 1.5708, r"one of the rows counts by [\d.e-]+ of the largest only"),
+        (1.5708, 1.571, r"close nearly, .* the smallest residual found is 0.0002, in pin; "),
+        (math.pi / 2, math.pi / 2, None),
+    ],
+)
+def test_rounded_angles_are_named_as_the_reason(hinge, loop, what):
+    """A planar linkage in space whose hinges are parallel but for the rounding of a right angle."""
+    turned = f'<origin xyz="0.2 0 0" rpy="{-hinge} 0 0"/><axis xyz="0 0 1"/>'
+    text = five_bar().replace('<origin xyz="0.2 0 0"/><axis xyz="0 1 0"/>', turned, 1)
+    text = text.replace(
+        '<predecessor link="a2"><origin xyz="0.25 0 0"/>',
+        f'<predecessor link="a2"><origin xyz="0.25 0 0" rpy="{loop} 0 0"/>',
+    )
+    mechanism = Mechanism(parse(text))
+    if what is None:
+        assert mechanism.seeds[0].residual < 1e-12
+        return
+    with pytest.raises((AssemblyError, DescriptionError), match=f"{what}.*rounded.*spherical"):
+        _ = mechanism.seeds
+    with pytest.raises((AssemblyError, DescriptionError), match=r"rounded.*spherical"):
+        ld.load(text).home  # noqa: B018
 
 
 def test_an_open_home_starts_a_multi_start_with_a_warning(lab):

@@ -85,6 +85,7 @@ def test_stated_flags_that_fit_are_not_changed(recwarn):
         ({"one": "false", "two": "false", "three": "false"}, ("three",)),
     ],
 )
+@pytest.mark.filterwarnings("ignore:.*gives no configuration")
 def test_stated_flags_that_do_not_fit_are_corrected_with_a_warning(stated, kept):
     text = four_bar(["three"])
     for name, value in stated.items():
