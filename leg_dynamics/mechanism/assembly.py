@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -20,6 +20,7 @@ __all__ = [
     "SAME_POSE",
     "close_configuration",
     "configuration_coordinates",
+    "descend",
     "find_closed_poses",
     "find_seeds",
     "pose_difference",
@@ -184,16 +185,7 @@ def _rounded_numbers(
     unit = mechanism.closure.coordinate_unit
     best, at, rows = np.inf, start, np.zeros(0)
     for attempt in range(ROUNDED_ATTEMPTS):
-        solution = least_squares(
-            lambda q: mechanism.evaluate(q).residual,
-            start + 0.1 * attempt * unit * generator.standard_normal(mechanism.nv),
-            jac=lambda q: np.array(mechanism.evaluate(q).jacobian),
-            x_scale=unit,
-            xtol=1e-14,
-            ftol=1e-14,
-            gtol=1e-14,
-            max_nfev=MULTI_START_EVALUATIONS,
-        )
+        solution = descend(mechanism, start + 0.1 * attempt * unit * generator.standard_normal(mechanism.nv))
         norm = float(np.linalg.norm(solution.fun))
         if norm < best:
             best, at, rows = norm, solution.x, np.abs(solution.fun)
@@ -223,6 +215,27 @@ def pose_label(coordinates: Mapping[str, float]) -> str:
     return "(" + ", ".join([*shown, "..."] if len(coordinates) > SHOWN else shown) + ")"
 
 
+def descend(mechanism: Mechanism, start: np.ndarray, free: np.ndarray | None = None) -> Any:
+    """Least squares of the loops' residual from tree coordinates (nv,), over those in `free`, or all."""
+    places = np.arange(mechanism.nv) if free is None else free
+
+    def place(x: np.ndarray) -> np.ndarray:
+        q = start.copy()
+        q[places] = x
+        return q
+
+    return least_squares(
+        lambda x: mechanism.evaluate(place(x)).residual,
+        start[places],
+        jac=lambda x: np.array(mechanism.evaluate(place(x)).jacobian[:, places]),
+        x_scale=mechanism.closure.coordinate_unit[places],
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+        max_nfev=MULTI_START_EVALUATIONS,
+    )
+
+
 def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) -> list[ClosedState]:
     """Closed regular poses from deterministic starting points, nearest to `start` (nv,) first."""
     generator = np.random.default_rng(seed)
@@ -235,16 +248,7 @@ def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) ->
             guess = start + 0.1 * attempt * unit * generator.standard_normal(mechanism.nv)
         else:
             guess = generator.uniform(lower, upper)
-        solution = least_squares(
-            lambda q: mechanism.evaluate(q).residual,
-            guess,
-            jac=lambda q: np.array(mechanism.evaluate(q).jacobian),
-            x_scale=unit,
-            xtol=1e-14,
-            ftol=1e-14,
-            gtol=1e-14,
-            max_nfev=MULTI_START_EVALUATIONS,
-        )
+        solution = descend(mechanism, guess)
         if np.abs(solution.fun).max(initial=0.0) > 1e-6:
             continue
         state = _close_seed(mechanism, wrapped(mechanism, solution.x))

@@ -9,14 +9,14 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from leg_dynamics.errors import AssemblyError, LegDynamicsError, ParameterError
 from leg_dynamics.mechanism.assembly import (
+    DISTINCT_POSE,
     SAME_POSE,
     close_configuration,
     configuration_coordinates,
-    pose_difference,
+    descend,
     pose_label,
     wrapped,
 )
@@ -29,7 +29,6 @@ __all__ = ["AssemblyMode", "find_modes", "mode_near"]
 ATTEMPTS = 60
 # A pose nearer to singular than this is where modes meet, and belongs to none.
 REGULAR = 1e-6
-EVALUATIONS = 60
 # A pose that is given to tell a mode may be that far from closed, rad or shares of the mechanism's length.
 NEAR = 0.5
 
@@ -103,10 +102,10 @@ def find_modes(
         The mode in use has no pose at y.
     """
     current = mechanism.seeds[0] if y is None else mechanism.close(y)
-    found = [current, *(state for state in _solutions(mechanism, current, attempts, seed))]
+    found = _solutions(mechanism, current, attempts, seed)
     unit = mechanism.closure.coordinate_unit
     others = sorted(
-        found[1:],
+        found,
         key=lambda state: (
             round(float(np.linalg.norm(wrapped(mechanism, state.q - current.q) / unit)), 9),
             *state.q.round(9).tolist(),
@@ -121,37 +120,33 @@ def _solutions(mechanism: Mechanism, current: ClosedState, attempts: int, seed: 
     if not len(dependent) or not mechanism.closure.loops:
         return []
     generator = np.random.default_rng(seed)
-    unit = mechanism.closure.coordinate_unit[dependent]
     lower, upper = (bound[dependent] for bound in mechanism.search_box())
     is_angle = np.array([mechanism.description.joint(mechanism.tree.joint_names[k]).unit == "rad" for k in dependent])
     # Limits belong to a mode's use, not to its existence.
     lower, upper = np.where(is_angle, -math.pi, lower), np.where(is_angle, math.pi, upper)
 
-    def place(x: np.ndarray) -> np.ndarray:
-        q = current.q.copy()
-        q[dependent] = x
-        return q
-
     found: list[ClosedState] = []
     for _ in range(attempts):
-        solution = least_squares(
-            lambda x: mechanism.evaluate(place(x)).residual,
-            generator.uniform(lower, upper),
-            jac=lambda x: np.array(mechanism.evaluate(place(x)).jacobian[:, dependent]),
-            x_scale=unit,
-            xtol=1e-14,
-            ftol=1e-14,
-            gtol=1e-14,
-            max_nfev=EVALUATIONS,
-        )
+        q = current.q.copy()
+        q[dependent] = generator.uniform(lower, upper)
+        solution = descend(mechanism, q, dependent)
         if np.abs(solution.fun).max(initial=0.0) > 1e-6:
             continue
-        state = mechanism.correct(wrapped(mechanism, place(solution.x)), 0.05)
+        q[dependent] = solution.x
+        state = mechanism.correct(wrapped(mechanism, q), 0.05)
         if state is None or not state.smallest_pivot > REGULAR:
             continue
-        if all(pose_difference(mechanism, state, other) > 1e-3 for other in (current, *found)):
+        if all(_apart(mechanism, state, other) > DISTINCT_POSE for other in (current, *found)):
             found.append(mechanism.complete(state))
     return found
+
+
+def _apart(mechanism: Mechanism, first: ClosedState, second: ClosedState) -> float:
+    """Largest difference of two poses, whole turns aside: also of geared joints, whose links then stand the same."""
+    difference = np.abs(first.q - second.q) / mechanism.closure.coordinate_unit
+    is_angle = [mechanism.description.joint(name).unit == "rad" for name in mechanism.tree.joint_names]
+    turns = 2.0 * math.pi * np.round(difference / (2.0 * math.pi))
+    return float(np.abs(difference - np.where(is_angle, turns, 0.0)).max())
 
 
 def _named(mechanism: Mechanism, states: list[ClosedState]) -> tuple[AssemblyMode, ...]:
@@ -166,7 +161,7 @@ def _named(mechanism: Mechanism, states: list[ClosedState]) -> tuple[AssemblyMod
         except LegDynamicsError:
             continue
         for place, state in enumerate(states):
-            if pose_difference(mechanism, reached, state) < SAME_POSE:
+            if _apart(mechanism, reached, state) < SAME_POSE:
                 held[place].append(configuration.name)
     modes = []
     for number, (state, names) in enumerate(zip(states, held, strict=True), 1):
