@@ -1,0 +1,132 @@
+"""`leg-dynamics info` and `torque` on a file of one's own: verdicts, modes, idle motions, limits, exit codes."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import leg_dynamics as ld
+from leg_dynamics import cli
+
+from .five_bar import TOGGLE, five_bar
+
+
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "160")
+
+
+def run(*arguments):
+    result = CliRunner().invoke(cli.app, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(**options):
+        path = tmp_path / "five_bar.urdf"
+        path.write_text(five_bar(**options), encoding="utf-8")
+        return path
+
+    return write
+
+
+def motion_file(path, start, end, duration=1.0, count=51):
+    """A straight motion as a table."""
+    time = np.linspace(0.0, duration, count)
+    start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    q = start + time[:, None] / duration * (end - start)
+    columns = [time[:, None], q, np.broadcast_to((end - start) / duration, q.shape), np.zeros_like(q)]
+    header = ["t [s]"] + [f"{symbol}_{name}" for symbol in "qva" for name in ("ma", "mb")]
+    np.savetxt(path, np.hstack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.17g")
+    return path
+
+
+def strict(text):
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_info_shows_loops_modes_actuation_and_findings(written):
+    done = run("info", written(motors=("mb",), foot=True))
+    assert done.exit_code == 0
+    for words in ("Loops and couplings", "Assembly modes at home: 2 found", "no actuator holds ma", "[under-actuated]"):
+        assert words in done.stdout
+    assert "0 errors, 1 warning" in done.stdout
+    facts = strict(run("info", written(motors=("mb",), foot=True), "--json").stdout)
+    assert facts["passed"] is True
+    assert facts["actuation"]["idle"] == ["ma"]
+    assert [mode["name"] for mode in facts["assembly_modes"]] == ["home", "mode_2"]
+    assert facts["mobility"]["mobility"] == 2
+
+
+def test_info_on_a_file_with_errors_exits_1(tmp_path):
+    path = tmp_path / "broken.urdf"
+    path.write_text(five_bar().replace('<parent link="a1"/>', '<parent link="nobody"/>').replace("<joint", "\n<joint"))
+    done = run("info", path)
+    assert done.exit_code == 1
+    assert "nobody" in done.stdout
+    assert "1 error" in done.stdout
+    facts = strict(run("info", path, "--json").stdout)
+    assert facts["passed"] is False
+    assert facts["findings"][0]["line"] == 3
+    path.write_text(five_bar().replace('xyz="-0.1 0 0"', 'xyz="-5 0 0"'))
+    done = run("info", path, "--json")
+    assert (done.exit_code, strict(done.stdout)["passed"]) == (1, False)
+
+
+def test_torque_flags_what_the_actuators_cannot_do(written, tmp_path):
+    table = motion_file(tmp_path / "motion.csv", [1.9, 1.1], [2.2, 0.9])
+    leg = ld.load(five_bar(effort=1.0))
+    with np.errstate(all="ignore"):
+        rows = np.genfromtxt(table, delimiter=",", skip_header=1)
+    tau = leg.torque(rows[:, 1:3], rows[:, 3:5], rows[:, 5:7])
+    worst = int(np.argmax(np.abs(tau[:, 0])))
+    result = strict(run("torque", written(effort=1.0), "--trajectory", table, "--json").stdout)
+    limits = result["actuators"][0]["limits"]
+    assert limits["effort_margin"] == pytest.approx(1.0 - abs(tau[worst, 0]))
+    assert limits["effort_time"] == rows[worst, 0]
+    assert result["feasible"] == bool((np.abs(tau) <= 1.0).all())
+    assert not result["feasible"]
+    assert "BEYOND effort by" in run("torque", written(effort=1.0), "--trajectory", table).stdout
+    assert "left" in run("torque", written(effort=1e3), "--trajectory", table).stdout
+
+
+def test_torque_of_idle_and_redundant_mechanisms(written, tmp_path):
+    table = motion_file(tmp_path / "motion.csv", [1.9, 1.1], [2.2, 0.9])
+    done = run("torque", written(motors=("mb",)), "--trajectory", table)
+    assert done.exit_code == 2
+    assert "no actuator holds ma" in done.stderr
+    result = strict(run("torque", written(motors=("mb",)), "--trajectory", table, "--allow-idle", "--json").stdout)
+    assert list(result["unbalanced"]) == ["ma"]
+    assert result["unbalanced"]["ma"] > 0.0
+    assert "left unbalanced" in run("torque", written(motors=("mb",)), "--trajectory", table, "--allow-idle").stdout
+    done = run("torque", written(motors=("ma", "mb", "ka"), effort=0.1), "--trajectory", table, "--bounded")
+    assert done.exit_code == 2
+    assert "times the bounds are needed" in done.stderr
+    assert "at t = " in done.stderr
+
+
+def test_torque_in_another_mode_and_through_the_toggle_point(written, tmp_path):
+    inside = motion_file(tmp_path / "inside.csv", [1.9, 1.1], [2.0, 1.0])
+    path = written()
+    own, other = (
+        strict(run("torque", path, "--trajectory", inside, "--json", *options).stdout)
+        for options in ((), ("--mode", "mode_2"))
+    )
+    assert own["actuators"][0]["peak"] != pytest.approx(other["actuators"][0]["peak"], rel=1e-3)
+    through = motion_file(tmp_path / "through.csv", [math.pi - 1.2, 1.2], [math.pi - 0.5, 0.5], duration=2.0)
+    done = run("torque", path, "--trajectory", through)
+    assert done.exit_code == 2
+    assert "parallel singularity" in done.stderr
+    time = float(done.stderr.split("at t = ")[1].split(" s")[0])
+    assert 0.0 <= time - 2.0 * (1.2 - TOGGLE) / 0.7 <= 0.04 + 1e-9
+    assert run("torque", path, "--trajectory", inside, "--mode", "mode_7").exit_code == 2
