@@ -623,7 +623,7 @@ class Leg:
         """
         return self._recipe.of_part(name, foot).build()
 
-    def assembly_modes(self, q: ArrayLike | None = None, *, attempts: int = 60, seed: int = 0) -> tuple[Any, ...]:
+    def assembly_modes(self, q: ArrayLike | None = None, *, attempts: int = 100, seed: int = 0) -> tuple[Any, ...]:
         """Closed poses at the same independent coordinates (routes pinocchio and symbolic).
 
         Found by multi-start from deterministic places: with many loops some may be missed, and more `attempts` find

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -37,10 +37,18 @@ REGULAR_SHARE = 0.3
 SAME_POSE = 1e-6
 DISTINCT_POSE = 1e-3
 MULTI_START_ATTEMPTS = 60
-DIRECTED_ATTEMPTS = 40
 MULTI_START_POSES = 12
-# A descent that has not arrived after so many evaluations creeps along a valley that does not reach zero.
-MULTI_START_EVALUATIONS = 100
+DESCENT_STEPS = 100
+DESCENT_CLOSED = 1e-13
+DESCENT_LONGEST = 0.5
+DESCENT_RANK = 1e-6
+# Steps in a row that may gain next to nothing: a descent that creeps along a valley does not reach zero.
+DESCENT_IDLE = 25
+NEARLY_CLOSED = 1e-6
+NEARER_STEPS = 40
+NEARER_LONGEST = 0.3
+NEARER_ENOUGH = 1e-6
+NEARER_REGULAR = 0.5
 SHOWN = 8
 # A residual that cannot be made smaller, or a singular value, is taken for rounding of the file's numbers below this,
 # and for zero below that.
@@ -84,7 +92,7 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
 
     The file's configurations are tried in order, ``home`` first; later ones serve as further starting points
     where continuation shows that they belong to the same mode. Where none is closed and regular, a deterministic
-    multi-start chooses the closed pose nearest to home and a `LegDynamicsWarning` says so. A file without
+    multi-start chooses a closed pose near home and a `LegDynamicsWarning` says so. A file without
     configurations that is closed and regular with all joints at zero starts from there.
 
     Raises
@@ -127,15 +135,17 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
     reason = "gives no configuration" if home is None else f"has an open or singular configuration {home.name!r}"
     # Only now: the modes at this pose are found from it.
     mechanism.adopt_seeds((poses[0],))
-    from leg_dynamics.mechanism.modes import find_modes
+    from leg_dynamics.mechanism.modes import MODE_ATTEMPTS, search_modes
 
-    modes = find_modes(mechanism)[1:]
-    others = "; ".join(map(str, modes[:3])) or "none found"
-    more = f" and {len(modes) - 3} more" if len(modes) > 3 else ""
+    if not description.loops:
+        # Couplings and mimics leave no choice.
+        return (poses[0],)
+    modes, closed = search_modes(mechanism)
+    others = "; ".join(map(str, modes[1:4])) or f"none found from {MODE_ATTEMPTS} starts, {closed} of which closed"
+    more = f" and {len(modes) - 4} more" if len(modes) > 4 else ""
     warnings.warn(
-        f"{description.file}: the file {reason}; taking the closed pose nearest to it, "
-        f"{_label(mechanism, poses[0])}; other assembly modes there: {others}{more}; choose one by mode=, or state a "
-        "configuration",
+        f"{description.file}: the file {reason}; taking the closed pose {_label(mechanism, poses[0])}; other assembly "
+        f"modes there: {others}{more}; choose one by mode=, or state a configuration",
         LegDynamicsWarning,
         stacklevel=4,
     )
@@ -185,7 +195,17 @@ def _rounded_numbers(
     unit = mechanism.closure.coordinate_unit
     best, at, rows = np.inf, start, np.zeros(0)
     for attempt in range(ROUNDED_ATTEMPTS):
-        solution = descend(mechanism, start + 0.1 * attempt * unit * generator.standard_normal(mechanism.nv))
+        guess = start + 0.1 * attempt * unit * generator.standard_normal(mechanism.nv)
+        solution = least_squares(
+            lambda q: mechanism.evaluate(q).residual,
+            guess,
+            jac=lambda q: np.array(mechanism.evaluate(q).jacobian),
+            x_scale=unit,
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+            max_nfev=100,
+        )
         norm = float(np.linalg.norm(solution.fun))
         if norm < best:
             best, at, rows = norm, solution.x, np.abs(solution.fun)
@@ -215,92 +235,105 @@ def pose_label(coordinates: Mapping[str, float]) -> str:
     return "(" + ", ".join([*shown, "..."] if len(coordinates) > SHOWN else shown) + ")"
 
 
-def descend(mechanism: Mechanism, start: np.ndarray, free: np.ndarray | None = None) -> Any:
-    """Least squares of the loops' residual from tree coordinates (nv,), over those in `free`, or all."""
+def descend(mechanism: Mechanism, start: np.ndarray, free: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+    """Damped Newton steps of smallest norm towards a closed pose, pairs the right way round.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    start : (nv,) array
+        Tree coordinates.
+    free : array of int, optional
+        Coordinates that may move; all where None.
+
+    Returns
+    -------
+    (nv,) array
+        Where it arrived.
+    float
+        Largest residual there, 0 to rounding where the loops are closed.
+    """
     places = np.arange(mechanism.nv) if free is None else free
-
-    def place(x: np.ndarray) -> np.ndarray:
-        q = start.copy()
-        q[places] = x
-        return q
-
-    return least_squares(
-        lambda x: mechanism.evaluate(place(x)).residual,
-        start[places],
-        jac=lambda x: np.array(mechanism.evaluate(place(x)).jacobian[:, places]),
-        x_scale=mechanism.closure.coordinate_unit[places],
-        xtol=1e-14,
-        ftol=1e-14,
-        gtol=1e-14,
-        max_nfev=MULTI_START_EVALUATIONS,
-    )
+    unit = mechanism.closure.coordinate_unit[places]
+    q, best, arrived, idle = start.copy(), np.inf, start, 0
+    for _ in range(DESCENT_STEPS):
+        residual, jacobian = mechanism.directed_rows(q)
+        size = float(np.abs(residual).max(initial=0.0))
+        if size < best:
+            idle = 0 if size < 0.9 * best else idle + 1
+            best, arrived = size, q
+        else:
+            idle += 1
+        if not size > DESCENT_CLOSED or idle > DESCENT_IDLE:
+            break
+        step = np.linalg.lstsq(jacobian[:, places] * unit, -residual, rcond=DESCENT_RANK)[0]
+        largest = float(np.abs(step).max(initial=0.0))
+        if not 0.0 < largest < np.inf:
+            break
+        q = q.copy()
+        q[places] += unit * step * min(1.0, DESCENT_LONGEST / largest)
+    return arrived, best
 
 
 def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) -> list[ClosedState]:
-    """Closed regular poses from deterministic starting points, nearest to `start` (nv,) first."""
+    """Closed regular poses from deterministic starting points.
+
+    First the one that leaves the independent coordinates as they are in `start` (nv,), where there is one; then by
+    their distance from it, the first of these moved on as near to it as it gets without becoming less regular.
+    """
     generator = np.random.default_rng(seed)
     unit = mechanism.closure.coordinate_unit
     lower, upper = mechanism.search_box()
+    guesses: list[tuple[np.ndarray, np.ndarray | None]] = [(start, mechanism.dependent), (start, None)]
+    guesses += [(start + 0.1 * k * unit * generator.standard_normal(mechanism.nv), None) for k in range(1, 10)]
+    guesses += [(generator.uniform(lower, upper), None) for _ in range(MULTI_START_ATTEMPTS - len(guesses))]
     found: list[ClosedState] = []
-    mirrored = False
-    for attempt in range(MULTI_START_ATTEMPTS):
-        if attempt < 10:
-            guess = start + 0.1 * attempt * unit * generator.standard_normal(mechanism.nv)
-        else:
-            guess = generator.uniform(lower, upper)
-        solution = descend(mechanism, guess)
-        if np.abs(solution.fun).max(initial=0.0) > 1e-6:
+    kept: ClosedState | None = None
+    for number, (guess, free) in enumerate(guesses):
+        q, residual = descend(mechanism, guess, free)
+        if residual > NEARLY_CLOSED:
             continue
-        state = _close_seed(mechanism, wrapped(mechanism, solution.x))
+        state = _close_seed(mechanism, wrapped(mechanism, q))
         if state is None or not state.smallest_pivot > WELL_REGULAR:
-            mirrored |= state is None and mechanism.is_mirrored(solution.x)
             continue
+        if number == 0:
+            kept = state
         if all(pose_difference(mechanism, state, other) > DISTINCT_POSE for other in found):
             found.append(state)
         if len(found) >= MULTI_START_POSES:
             break
-
-    # A start that is closed but singular is no matter of mirrored pairs.
-    if not found and mirrored and mechanism.correct(start, SEED_CORRECTION) is None:
-        return _directed_poses(mechanism, start, seed)
     usual = float(np.median([state.smallest_pivot for state in found])) if found else 0.0
     found = [state for state in found if state.smallest_pivot >= REGULAR_SHARE * usual]
 
     def nearness(state: ClosedState) -> tuple[float, ...]:
         return (round(float(np.linalg.norm((state.q - start) / unit)), 9), *state.q.tolist())
 
-    return sorted(found, key=nearness)
+    ordered = sorted(found, key=nearness)
+    if kept is not None and any(state is kept for state in found):
+        return [kept, *(state for state in ordered if state is not kept)]
+    return [_nearer(mechanism, ordered[0], start), *ordered[1:]] if ordered else []
 
 
-def _directed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) -> list[ClosedState]:
-    """As `find_closed_poses` with directions compared as well, for loops that would close onto the mirrored pair.
-
-    Slower, and less regular poses count too.
-    """
-    generator = np.random.default_rng(seed)
+def _nearer(mechanism: Mechanism, state: ClosedState, start: np.ndarray) -> ClosedState:
+    """The pose moved along the closed ones towards tree coordinates `start` (nv,), as far as it stays regular."""
     unit = mechanism.closure.coordinate_unit
-    lower, upper = mechanism.search_box()
-    found: list[ClosedState] = []
-    for attempt in range(DIRECTED_ATTEMPTS):
-        if attempt < DIRECTED_ATTEMPTS // 2:
-            guess = start + 0.05 * attempt * unit * generator.standard_normal(mechanism.nv)
-        else:
-            guess = generator.uniform(lower, upper)
-        solution = least_squares(
-            mechanism.directed_residual, guess, x_scale=unit, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=60
-        )
-        if np.abs(solution.fun).max(initial=0.0) > 1e-6:
-            continue
-        state = _close_seed(mechanism, wrapped(mechanism, solution.x))
-        if state is None:
-            continue
-        if all(pose_difference(mechanism, state, other) > DISTINCT_POSE for other in found):
-            found.append(state)
-        if len(found) >= MULTI_START_POSES // 2:
+    least = NEARER_REGULAR * state.smallest_pivot
+    share = 1.0
+    for _ in range(NEARER_STEPS):
+        K = state.rows.jacobian * unit
+        towards = (start - state.q) / unit
+        step = towards - np.linalg.lstsq(K, K @ towards, rcond=DESCENT_RANK)[0] if len(K) else towards
+        largest = float(np.abs(step).max(initial=0.0))
+        if largest < NEARER_ENOUGH or share < NEARER_ENOUGH:
             break
-    usual = float(np.median([state.smallest_pivot for state in found])) if found else 0.0
-    kept = [state for state in found if state.smallest_pivot >= REGULAR_SHARE * usual]
-    return sorted(kept, key=lambda state: float(np.linalg.norm((state.q - start) / unit)))
+        q, residual = descend(mechanism, state.q + unit * step * share * min(1.0, NEARER_LONGEST / largest))
+        moved = _close_seed(mechanism, q) if residual <= NEARLY_CLOSED else None
+        shorter = moved is not None and np.linalg.norm((start - moved.q) / unit) < np.linalg.norm(towards)
+        if moved is None or not shorter or moved.smallest_pivot < least:
+            share *= 0.5
+            continue
+        state, share = moved, min(1.0, 2.0 * share)
+    return state
 
 
 def wrapped(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:

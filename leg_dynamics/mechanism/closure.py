@@ -218,6 +218,9 @@ class Closure:
             ],
             dtype=np.intp,
         ).reshape(-1, 2)
+        self.same_way_owner = np.array(
+            [number for number, loop in enumerate(self.loops) for _ in SAME_WAY[loop.type]], dtype=np.intp
+        )
 
         equations = coupling_equations(description)
         index = {name: i for i, name in enumerate(tree.joint_names)}
@@ -295,6 +298,23 @@ class Closure:
     def directions(self, frames: np.ndarray) -> np.ndarray:
         """Differences of unit vectors that closed loops bring together, (k, 3)."""
         return frames.take(self.same_way[:, 0], 0) - frames.take(self.same_way[:, 1], 0)
+
+    def direction_jacobian(self, frames: np.ndarray, joint_jacobian: np.ndarray) -> np.ndarray:
+        """Derivative of `directions` by the tree coordinates, (3 k, nv).
+
+        Parameters
+        ----------
+        frames, joint_jacobian
+            As for `evaluate`.
+        """
+        turning = joint_jacobian.reshape(6, self.nv)[3:].T
+        rates = []
+        for side, support in ((0, self.loop_predecessor), (1, self.loop_successor)):
+            vectors = frames.take(self.same_way[:, side], 0)
+            masks = support.take(self.same_way_owner, 0)
+            rates.append(np.cross(turning[None], vectors[:, None]) * masks[:, :, None])
+        result: np.ndarray = np.swapaxes(rates[0] - rates[1], 1, 2).reshape(-1, self.nv)
+        return result
 
     def drift(
         self,

@@ -363,13 +363,19 @@ class Mechanism:
         self.evaluate(q)
         return not self.closure.points_the_same_way(self._workspace.memory.rows())
 
-    def directed_residual(self, q: np.ndarray) -> np.ndarray:
-        """Residual at tree coordinates q (nv,) that is not zero either where a pair is closed onto its mirror image.
+    def directed_rows(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual and Jacobian at tree coordinates q (nv,), with rows that a pair closed onto its mirror image breaks.
 
-        Dimensionless: the rows of `ClosureRows`, then three for each direction that a closed loop brings together.
+        Dimensionless, columns per rad or m: the rows of `ClosureRows`, then three for each direction that a closed loop
+        brings together.
         """
-        residual = self.evaluate(q).residual
-        return np.concatenate([residual, self.closure.directions(self._workspace.memory.rows()).ravel()])
+        rows = self.evaluate(q)
+        if not self.closure.same_way.size:
+            return rows.residual, rows.jacobian
+        frames = self._workspace.memory.rows()
+        directions = self.closure.directions(frames).ravel()
+        rates = self.closure.direction_jacobian(frames, self._workspace.data.J)
+        return np.concatenate([rows.residual, directions]), np.vstack([rows.jacobian, rates])
 
     def correct(self, q: np.ndarray, allowed: float) -> ClosedState | None:
         """Newton on the dependent coordinates with y fixed; None where it would leave the neighbourhood `allowed`.
@@ -827,6 +833,10 @@ class Mechanism:
         work = self._workspace
         pin.computeJointJacobians(work.model, work.data, self.tree.to_configuration(state.q))
         pin.updateFramePlacements(work.model, work.data)
+
+    def joint_placements(self) -> Any:
+        """World placement of each joint's body, pinocchio's ``oMi``, at the pose of the last `place`."""
+        return self._workspace.data.oMi
 
     def foot_position(self, state: ClosedState) -> np.ndarray:
         """Foot position in the hip frame, m, shape (3,)."""

@@ -13,6 +13,7 @@ import numpy as np
 from leg_dynamics.errors import AssemblyError, LegDynamicsError, ParameterError
 from leg_dynamics.mechanism.assembly import (
     DISTINCT_POSE,
+    NEARLY_CLOSED,
     SAME_POSE,
     close_configuration,
     configuration_coordinates,
@@ -24,9 +25,9 @@ from leg_dynamics.mechanism.assembly import (
 if TYPE_CHECKING:
     from leg_dynamics.mechanism.mechanism import ClosedState, Mechanism
 
-__all__ = ["AssemblyMode", "find_modes", "mode_near"]
+__all__ = ["MODE_ATTEMPTS", "AssemblyMode", "find_modes", "mode_near", "search_modes"]
 
-ATTEMPTS = 60
+MODE_ATTEMPTS = 100
 # A pose nearer to singular than this is where modes meet, and belongs to none.
 REGULAR = 1e-6
 # A pose that is given to tell a mode may be that far from closed, rad or shares of the mechanism's length.
@@ -75,10 +76,11 @@ class AssemblyMode:
 
 
 def find_modes(
-    mechanism: Mechanism, y: np.ndarray | None = None, attempts: int = ATTEMPTS, seed: int = 0
+    mechanism: Mechanism, y: np.ndarray | None = None, attempts: int = MODE_ATTEMPTS, seed: int = 0
 ) -> tuple[AssemblyMode, ...]:
     """Closed, regular poses at the same independent coordinates, by multi-start over the dependent ones.
 
+    Poses count as one where all bodies with mass stand the same.
     Two of them may still be joined by a way around the singular poses: they are told apart at these coordinates only.
 
     Parameters
@@ -101,8 +103,15 @@ def find_modes(
     AssemblyError, SingularityError
         The mode in use has no pose at y.
     """
+    return search_modes(mechanism, y, attempts, seed)[0]
+
+
+def search_modes(
+    mechanism: Mechanism, y: np.ndarray | None = None, attempts: int = MODE_ATTEMPTS, seed: int = 0
+) -> tuple[tuple[AssemblyMode, ...], int]:
+    """As `find_modes`, with the number of starts that closed the loops."""
     current = mechanism.seeds[0] if y is None else mechanism.close(y)
-    found = _solutions(mechanism, current, attempts, seed)
+    found, closed = _solutions(mechanism, current, attempts, seed)
     unit = mechanism.closure.coordinate_unit
     others = sorted(
         found,
@@ -111,14 +120,14 @@ def find_modes(
             *state.q.round(9).tolist(),
         ),
     )
-    return _named(mechanism, [current, *others])
+    return _named(mechanism, [current, *others]), closed
 
 
-def _solutions(mechanism: Mechanism, current: ClosedState, attempts: int, seed: int) -> list[ClosedState]:
-    """Other regular closed poses at the current one's independent coordinates."""
+def _solutions(mechanism: Mechanism, current: ClosedState, attempts: int, seed: int) -> tuple[list[ClosedState], int]:
+    """Other regular closed poses at the current one's independent coordinates, and how many starts closed."""
     dependent = mechanism.dependent
     if not len(dependent) or not mechanism.closure.loops:
-        return []
+        return [], 0
     generator = np.random.default_rng(seed)
     lower, upper = (bound[dependent] for bound in mechanism.search_box())
     is_angle = np.array([mechanism.description.joint(mechanism.tree.joint_names[k]).unit == "rad" for k in dependent])
@@ -126,27 +135,37 @@ def _solutions(mechanism: Mechanism, current: ClosedState, attempts: int, seed: 
     lower, upper = np.where(is_angle, -math.pi, lower), np.where(is_angle, math.pi, upper)
 
     found: list[ClosedState] = []
+    closed = 0
     for _ in range(attempts):
         q = current.q.copy()
         q[dependent] = generator.uniform(lower, upper)
-        solution = descend(mechanism, q, dependent)
-        if np.abs(solution.fun).max(initial=0.0) > 1e-6:
+        q, residual = descend(mechanism, q, dependent)
+        if residual > NEARLY_CLOSED:
             continue
-        q[dependent] = solution.x
+        closed += 1
         state = mechanism.correct(wrapped(mechanism, q), 0.05)
         if state is None or not state.smallest_pivot > REGULAR:
             continue
         if all(_apart(mechanism, state, other) > DISTINCT_POSE for other in (current, *found)):
             found.append(mechanism.complete(state))
-    return found
+    return found, closed
+
+
+def _placements(mechanism: Mechanism, state: ClosedState) -> np.ndarray:
+    """Where the bodies stand that have mass, or all where none has: rotations and origins in lengths, (bodies, 12).
+
+    A ball or universal joint of hinges about massless links has two sets of angles for each of its poses.
+    """
+    mechanism.place(state)
+    model, placements = mechanism.tree.model, mechanism.joint_placements()
+    heavy = [k for k in range(1, model.njoints) if model.inertias[k].mass > 0.0] or list(range(1, model.njoints))
+    rows = [[*placements[k].rotation.ravel(), *placements[k].translation / mechanism.closure.length] for k in heavy]
+    return np.array(rows)
 
 
 def _apart(mechanism: Mechanism, first: ClosedState, second: ClosedState) -> float:
-    """Largest difference of two poses, whole turns aside: also of geared joints, whose links then stand the same."""
-    difference = np.abs(first.q - second.q) / mechanism.closure.coordinate_unit
-    is_angle = [mechanism.description.joint(name).unit == "rad" for name in mechanism.tree.joint_names]
-    turns = 2.0 * math.pi * np.round(difference / (2.0 * math.pi))
-    return float(np.abs(difference - np.where(is_angle, turns, 0.0)).max())
+    """Largest difference of where two poses' bodies stand."""
+    return float(np.abs(_placements(mechanism, first) - _placements(mechanism, second)).max())
 
 
 def _named(mechanism: Mechanism, states: list[ClosedState]) -> tuple[AssemblyMode, ...]:
