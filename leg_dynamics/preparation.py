@@ -66,6 +66,10 @@ class Preparation:
         return description
 
 
+# Starts in the search for a mode by its name: of many modes the first hundred may miss some.
+_ATTEMPTS = (100, 400, 1600)
+
+
 @functools.lru_cache(maxsize=64)
 def _chosen(description: Description) -> tuple[str, ...] | None:
     from leg_dynamics.mechanism.independence import independent_set
@@ -142,10 +146,11 @@ def mode_of(description: Description, mode: str | Mapping[str, float]) -> tuple[
     with warnings.catch_warnings():
         # A mode is being chosen: that the file does not say which is no news.
         warnings.simplefilter("ignore", LegDynamicsWarning)
-        found = find_modes(mechanism)
-    for each in found:
-        if each.name == mode:
-            return tuple(each.coordinates.items())
+        for attempts in _ATTEMPTS:
+            found = find_modes(mechanism, attempts=attempts)
+            for each in found:
+                if each.name == mode:
+                    return tuple(each.coordinates.items())
     raise ParameterError(
         f"{description.name!r} has no assembly mode {mode!r}: those found at the home coordinates are "
         f"{', '.join(each.name for each in found)}; another one is chosen by a mapping of joint coordinates",

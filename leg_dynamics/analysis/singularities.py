@@ -158,9 +158,12 @@ def singularity(leg: Leg, q: ArrayLike, *, characteristic_length: float | None =
         J = leg.jacobian(q, on_error="nan")
         if np.isfinite(J).all():
             turning = np.array([unit == "rad" for unit in leg.units.joints])
-            left, sigma, _ = np.linalg.svd(J * np.where(turning, 1.0 / length, 1.0))
+            scale = np.where(turning, 1.0 / length, 1.0)
+            left, sigma, _ = np.linalg.svd(J * scale)
             rank = min(J.shape)
-            serial = _share(sigma, rank)
+            # With one coordinate nothing else tells what is small: home does.
+            usual = np.linalg.svd(leg.jacobian(leg.home, on_error="nan") * scale, compute_uv=False).max(initial=0.0)
+            serial = _share(sigma, rank, usual if len(sigma) == 1 and np.isfinite(usual) else 0.0)
             directions["serial"] = _direction(("x", "y", "z"), left[:, rank - 1])
             sign = int(np.sign(np.linalg.det(J))) if J.shape == (3, 3) else 1
         else:
@@ -212,11 +215,12 @@ def _direction(names: Sequence[str], vector: np.ndarray) -> Mapping[str, float]:
     return dict(zip(names, (vector / largest if largest else vector).tolist(), strict=True))
 
 
-def _share(sigma: np.ndarray, rank: int) -> float:
-    """The singular value that must not vanish for that rank, as a share of the largest."""
+def _share(sigma: np.ndarray, rank: int, usual: float = 0.0) -> float:
+    """The singular value that must not vanish for that rank, as a share of the largest, or of a usual one."""
     if rank < 1:
         return 1.0
-    return float(sigma[rank - 1] / sigma[0]) if len(sigma) >= rank and sigma[0] > 0.0 else 0.0
+    largest = max(float(sigma[0]), usual) if len(sigma) >= rank else 0.0
+    return float(sigma[rank - 1]) / largest if largest > 0.0 else 0.0
 
 
 def singularity_distance(leg: Leg, q: ArrayLike, direction: ArrayLike, *, reach: float = 1.0) -> SingularityDistance:

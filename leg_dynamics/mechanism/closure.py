@@ -17,6 +17,7 @@ the same for a leg of millimetres and for a crane. The length is a power of two:
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 
 import numpy as np
@@ -360,5 +361,5 @@ class Closure:
 
 
 def _span(owner: list[int], number: int) -> tuple[int, int]:
-    mine = [row for row, loop in enumerate(owner) if loop == number]
-    return (mine[0], mine[-1] + 1) if mine else (0, 0)
+    """First row of a loop and the one after its last; rows lie in the order of their loops."""
+    return bisect_left(owner, number), bisect_right(owner, number)

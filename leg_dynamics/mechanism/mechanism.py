@@ -51,7 +51,11 @@ FARTHEST = 1e3
 # The tangent must predict the corrected point to this share of the step, or the step is halved.
 CORRECTION_SHARE = 0.3
 SAFE_CORRECTION = 0.01
+# Near a singular pose the tangent may turn by this share in a step.
+TURNED_SHARE = 0.2
 RANK_TOLERANCE = 1e-9
+# Rounding of the efforts grows like 1e-16 / sigma: below this their digits are fewer than `PROMISED`.
+HELD_TOLERANCE = 1e-7
 # At a dead centre G grows like 1/sigma, at a bifurcation it does not: their product tells them apart.
 DEAD_CENTRE = 0.03
 # Where a mode ends, the smallest singular value has fallen to about the square root of the smallest step.
@@ -64,8 +68,10 @@ ROUNDING = 2.0**-52
 # Rounding moves the pose by eps / sigma, G by eps / sigma**2 and g by eps / sigma**3: above sigma = 0.02 that stays
 # below 1e-10 at joint speeds of 5 rad/s.
 DOUBTFUL_INVERSE = 50.0
-SETTLING_STEPS = 3
+# Beside a bifurcation Newton halves the error until it is far below the distance to the singular pose.
+SETTLING_STEPS = 40
 SINGULAR_STEPS = 60
+NEARLY_THERE = 1e-3
 # Rounding leaves a pose beside a bifurcation uncertain by its square root, 1e-8: nearer than this to a singular pose it
 # may be the singular pose itself, where G is noise although it stays bounded.
 RESOLVED = 1e7
@@ -429,15 +435,23 @@ class Mechanism:
         return state.inverse_norm
 
     def _crosses_singularity(self, before: ClosedState, after: ClosedState) -> bool:
-        """Whether the closure may have been singular between two neighbouring poses.
+        """Whether the closure may have been singular, or another branch met, between two neighbouring poses.
 
         On the straight line from K1 to K2 the rank drops exactly where K1^+ K2 has a real eigenvalue <= 0, however many
         singular values pass through zero at once (a determinant's sign would miss an even number). It cannot where
-        |K2 - K1| is below the smallest singular value of K1.
+        |K2 - K1| is below the smallest singular value of K1. Beyond a bifurcation, though, the other branch has the
+        signs that this one had before: a jump to it shows in the tangents, whose difference does not shrink with the
+        step.
         """
         change = (after.dependent_jacobian - before.dependent_jacobian).ravel("K")
         if math.sqrt(change.dot(change)) * self.inverse_norm(before) < 1.0:
             return False
+        along = after.y - before.y
+        turned, moved = (after.G - before.G).dot(along), before.G.dot(along)
+        if self._has_lengths:
+            turned, moved = turned / self.closure.coordinate_unit, moved / self.closure.coordinate_unit
+        if turned.dot(turned) > TURNED_SHARE**2 * moved.dot(moved):
+            return True
         eigenvalues = np.linalg.eigvals(self._solve(before, after.dependent_jacobian))
         return bool((eigenvalues.real <= 0.0).any())
 
@@ -451,11 +465,12 @@ class Mechanism:
         if self._has_lengths:
             movement /= self.closure.coordinate_unit
         state = self.correct(q, CORRECTION_SHARE * math.sqrt(movement.dot(movement)) + 1e-7)
-        if state is None or not state.smallest_pivot > RANK_TOLERANCE or self._crosses_singularity(start, state):
+        if state is None or not state.smallest_pivot > RANK_TOLERANCE:
             return None
-        return self.complete(state)
+        state = self.complete(state)
+        return None if self._crosses_singularity(start, state) else state
 
-    def neighbour(self, start: ClosedState, y: np.ndarray, halvings: int = 2) -> ClosedState | None:
+    def neighbour(self, start: ClosedState, y: np.ndarray, halvings: int = 4) -> ClosedState | None:
         """The closed pose at y (n,) not far from another one of the mode; None where a few steps do not reach it.
 
         Where it fails it is much quicker than `follow`, which goes on to find out where the mode ends.
@@ -516,6 +531,9 @@ class Mechanism:
         except (AssemblyError, SingularityError) as error:
             last = getattr(error, "tree_coordinates", None)
             if last is None:
+                raise
+            # From further away it could arrive on another branch.
+            if self.distance(y - last[self.independent]) > NEARLY_THERE:
                 raise
             q = last.copy()
             q[self.independent] = y
@@ -645,6 +663,10 @@ class Mechanism:
         """Let these closed poses define the assembly mode from now on."""
         with self._seed_lock:
             self._seeds = seeds
+
+    def forget(self) -> None:
+        """Let this thread's next pose start from a seed."""
+        self._workspace.last = None
 
     def close(self, y: np.ndarray) -> ClosedState:
         """Tree coordinates that close the loops at y (n,), in the assembly mode of the nearest seed.
@@ -961,14 +983,46 @@ class Mechanism:
             raise ActuationError.of_counts(repr(self.description.name), self.joint_names, self.actuator_joints)
         scaled = transfer * self._unit[:, None] / self.closure.coordinate_unit[self.actuated]
         sigma = np.linalg.svd(scaled, compute_uv=False)
-        if not sigma[-1] > RANK_TOLERANCE * max(1.0, sigma[0]):
-            raise SingularityError(
-                f"the actuators do not hold every motion at {self.pose_text(state.y)}: smallest singular value "
-                f"{sigma[-1]:.3g} of {sigma[0]:.3g}; move away from this pose, or use generalized_force, which is "
-                "always unique",
-                margin=float(sigma[-1]),
-            )
+        if not sigma[-1] > HELD_TOLERANCE * max(1.0, sigma[0]):
+            raise self._not_held(state, sigma, np.linalg.svd(scaled)[0][:, -1])
         return np.linalg.solve(transfer, generalized)
+
+    def check_held(self, before: ClosedState, after: ClosedState) -> None:
+        """Check that exactly as many actuators as motions hold them all the way between two neighbouring poses.
+
+        Raises
+        ------
+        SingularityError
+            A motion may be lost between the poses.
+        """
+        if self.directly_actuated or len(self.actuated) != self.n:
+            return
+        scale = self._unit[None, :] / self.closure.coordinate_unit[self.actuated][:, None]
+        first, second = before.G[self.actuated] * scale, after.G[self.actuated] * scale
+        sigma = np.linalg.svd(first, compute_uv=False)
+        if not sigma[-1] > HELD_TOLERANCE * max(1.0, sigma[0]):
+            raise self._not_held(before, sigma, np.linalg.svd(first.T)[0][:, -1])
+        if np.linalg.norm(second - first, 2) < sigma[-1]:
+            return
+        if self.distance(after.y - before.y) < SMALLEST_STEP:
+            raise self._not_held(before, sigma, np.linalg.svd(first.T)[0][:, -1])
+        middle = self.follow(before, 0.5 * (before.y + after.y))
+        self.check_held(before, middle)
+        self.check_held(middle, after)
+
+    def _not_held(self, state: ClosedState, sigma: np.ndarray, motion: np.ndarray) -> SingularityError:
+        """The error at a pose where the actuators lose the motion (n,), in units of the independent coordinates."""
+        motion = motion / motion[np.argmax(np.abs(motion))]
+        shown = ", ".join(f"{name} {x:+.3g}" for name, x in zip(self.joint_names, motion, strict=True) if abs(x) > 0.05)
+        return SingularityError(
+            f"the actuators do not hold every motion at {self.pose_text(state.y)}, a parallel singularity: with all of "
+            f"them locked the mechanism can still move ({shown}), smallest singular value {sigma[-1]:.3g} of "
+            f"{sigma[0]:.3g}; move away from this pose, or use generalized_force, which is always unique",
+            margin=float(sigma[-1]),
+            kind="parallel",
+            direction=dict(zip(self.joint_names, motion.tolist(), strict=True)),
+            pose=self.pose(state.y),
+        )
 
     def mass_matrix(self, state: ClosedState) -> np.ndarray:
         """G^T M G, kg·m² (rad), kg (m), shape (n, n)."""

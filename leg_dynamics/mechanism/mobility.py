@@ -34,6 +34,7 @@ PROJECTION_RANK = 1e-6
 PROBE_STEPS = (0.05, 0.01, 0.002)
 NEIGHBOUR = 0.2
 NEIGHBOURS = 6
+NEIGHBOUR_DRAWS = 3
 # A row that counts by less than this share at generic poses counts only because the file's numbers are rounded.
 ROUNDED_SHARE = 1e-4
 ROUNDED_ADVICE = (
@@ -150,15 +151,17 @@ def project(mechanism: Mechanism, q: np.ndarray) -> np.ndarray | None:
     return None
 
 
-def _neighbours(mechanism: Mechanism, q: np.ndarray, seed: int = 0) -> list[PoseRank]:
-    """Ranks at closed poses around q: generic ones, where a special pose has more mobility."""
+def _neighbours(mechanism: Mechanism, q: np.ndarray, seed: int = 0, count: int = NEIGHBOURS) -> list[PoseRank]:
+    """Ranks at up to `count` closed poses around q: generic ones, where a special pose has more mobility."""
     generator = np.random.default_rng(seed)
-    ranks = []
-    for number in range(NEIGHBOURS):
+    ranks: list[PoseRank] = []
+    for _ in range(NEIGHBOUR_DRAWS * count):
         moved = q + NEIGHBOUR * mechanism.closure.coordinate_unit * generator.standard_normal(mechanism.nv)
         closed = project(mechanism, moved)
         if closed is not None:
-            ranks.append(pose_rank(mechanism, closed, f"neighbour {number + 1}"))
+            ranks.append(pose_rank(mechanism, closed, f"near home {len(ranks) + 1}"))
+        if len(ranks) == count:
+            break
     return ranks
 
 
@@ -289,8 +292,9 @@ def mobility_report(mechanism: Mechanism, samples: int = 20, seed: int = 0) -> M
             failure = error
             continue
         random_poses.append(pose_rank(mechanism, state.q, f"random {len(random_poses) + 1}"))
-    if not random_poses and samples > 0:
-        random_poses = _neighbours(mechanism, start, seed)[:samples]
+    # Coordinates drawn alone seldom close where loops leave idle motions: then all joints move, from home.
+    if len(random_poses) < samples:
+        random_poses += _neighbours(mechanism, start, seed, samples - len(random_poses))
     generic = random_poses or poses
     if not generic:
         raise (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 __all__ = ["MODE_ATTEMPTS", "AssemblyMode", "find_modes", "mode_near", "search_modes"]
 
 MODE_ATTEMPTS = 100
+# Cells that a rotation's entry, or a length of the mechanism, is cut into for a name, and the digits of that.
+NAME_CELLS = 50.0
+NAME_DIGITS = 5
 # A pose nearer to singular than this is where modes meet, and belongs to none.
 REGULAR = 1e-6
 # A pose that is given to tell a mode may be that far from closed, rad or shares of the mechanism's length.
@@ -41,8 +45,8 @@ class AssemblyMode:
     Attributes
     ----------
     name : str
-        That of a configuration of the file that lies in it, else ``mode_2``, ``mode_3`` ... in an order that depends on
-        the file alone; the mode in use is the first.
+        Such as ``mode_3fa2c``, made from where the bodies stand: it does not depend on the mode in use, nor on how many
+        were found. At other independent coordinates the names are others.
     coordinates : mapping of str to float
         Every moving joint of the tree, rad or m.
     regularity : float
@@ -183,12 +187,19 @@ def _named(mechanism: Mechanism, states: list[ClosedState]) -> tuple[AssemblyMod
             if _apart(mechanism, reached, state) < SAME_POSE:
                 held[place].append(configuration.name)
     modes = []
-    for number, (state, names) in enumerate(zip(states, held, strict=True), 1):
+    for state, names in zip(states, held, strict=True):
         sigma = mechanism.singular_values(state)
         coordinates = dict(zip(mechanism.tree.joint_names, mechanism.unwound(state.q).tolist(), strict=True))
-        name = names[0] if names else f"mode_{number}"
+        name = _address(mechanism, state)
         modes.append(AssemblyMode(name, coordinates, float(sigma.min(initial=np.inf)), tuple(names)))
     return tuple(modes)
+
+
+def _address(mechanism: Mechanism, state: ClosedState) -> str:
+    """A name made from where the bodies stand: the same whichever mode is in use, and however many are found."""
+    # The offset keeps round numbers from the edge of rounding.
+    cells = np.rint(_placements(mechanism, state) * NAME_CELLS + math.pi / 7.0).astype(np.int64)
+    return f"mode_{hashlib.sha256(cells.tobytes()).hexdigest()[:NAME_DIGITS]}"
 
 
 def mode_near(mechanism: Mechanism, values: Mapping[str, float]) -> tuple[tuple[str, float], ...]:

@@ -200,19 +200,42 @@ class PinocchioRoute:
         Raises
         ------
         AssemblyError, SingularityError
-            The mode ends or is singular on the way; `rows` names the first row that is not reached.
+            The mode ends or is singular on the way, or the actuators lose a motion that they hold elsewhere; `rows`
+            names the first row that is not reached.
         """
         mechanism = self.mechanism
+        mechanism.forget()
         found = np.empty((len(q), mechanism.nv))
         state: ClosedState | None = None
         for row, y in enumerate(q):
             try:
-                state = mechanism.close(y) if state is None or mechanism.is_open else mechanism.follow(state, y)
+                if state is None or mechanism.is_open:
+                    state = mechanism.close(y)
+                else:
+                    before, state = state, mechanism.follow(state, y)
+                    mechanism.check_held(before, state)
             except RowError as error:
                 failures = RowFailures()
                 failures.add(row, error)
                 raise failures.combined(len(q)) from None
             found[row] = state.q
+        return found
+
+    def forget(self) -> None:
+        """Let this thread's next pose not depend on those before."""
+        self.mechanism.forget()
+
+    def apart(self, q: np.ndarray) -> np.ndarray:
+        """Tree coordinates (N, nv) of independent ones (N, n), each reached from a seed; rows that fail are NaN."""
+        mechanism = self.mechanism
+        found = np.full((len(q), mechanism.nv), np.nan)
+        for row, y in enumerate(q):
+            mechanism.forget()
+            try:
+                found[row] = mechanism.close(y).q
+            except RowError:
+                continue
+        mechanism.forget()
         return found
 
     def singular_pose(self, q: np.ndarray) -> np.ndarray:

@@ -27,6 +27,8 @@ MOST_DEPTH = 1000
 MOST_LINKS = 10_000
 # Principal moments of a body, relative to the largest: a smaller one is the rounding of a rod's or point's inertia.
 SMALLEST_MOMENT = 1e-12
+# kg: adding bodies, pinocchio divides by their mass or by this, the larger one, and misplaces lighter ones' centres.
+SMALLEST_MASS = float(np.finfo(float).eps)
 
 
 def _se3(pose: Pose) -> pin.SE3:
@@ -38,13 +40,12 @@ def _finite(value: float) -> str:
 
 
 def _complete_joint(element: ElementTree.Element, joint: Joint) -> None:
-    axis = element.find("axis")
-    if axis is not None and "xyz" not in axis.attrib:
-        element.remove(axis)
-    for tag in ("limit", "dynamics", "mimic", "calibration", "safety_controller"):
+    for tag in ("axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"):
         for child in element.findall(tag):
             element.remove(child)
     bounds = {name: _finite(getattr(joint.limits, name)) for name in ("lower", "upper", "effort", "velocity")}
+    # The unit vector: pinocchio's reader squares what the file says, and squares overflow or vanish.
+    ElementTree.SubElement(element, "axis", xyz=" ".join(map(repr, joint.axis)))
     ElementTree.SubElement(element, "limit", bounds)
     ElementTree.SubElement(element, "dynamics", damping=_finite(joint.damping), friction=_finite(joint.friction))
 
@@ -61,8 +62,8 @@ def _complete_link(element: ElementTree.Element) -> None:
 def tree_urdf(description: Description) -> str:
     """Links and joints of the file as strict URDF, for readers that refuse what URDF+ may leave out.
 
-    Limits, damping and friction are complete, infinite limits large numbers, products of inertia stated. Loops,
-    couplings, mimicry and shapes are left out: pinocchio's tree has no use for them.
+    Axes are unit vectors, limits, damping and friction complete, infinite limits large numbers, products of inertia
+    stated. Loops, couplings, mimicry and shapes are left out: pinocchio's tree has no use for them.
 
     Raises
     ------
@@ -166,7 +167,7 @@ class Tree:
         Raises
         ------
         UnsupportedError
-            A joint has more than one coordinate (floating, planar).
+            A joint has more than one coordinate (floating, planar), or carries a mass that is no mass to pinocchio.
         DescriptionError
             pinocchio refuses the file or reads other joints.
         """
@@ -192,6 +193,14 @@ class Tree:
                 f"pinocchio reads other joints than the description: {sorted(set(names) ^ expected)}",
                 file=description.file,
             )
+        for name, inertia in zip(names, list(model.inertias)[1:], strict=True):
+            if 0.0 < inertia.mass < SMALLEST_MASS:
+                raise UnsupportedError(
+                    f"joint {name!r} carries {inertia.mass:g} kg, which pinocchio cannot add up, the least is "
+                    f"{SMALLEST_MASS:.3g} kg: check the unit, or leave the mass out (0)",
+                    joint=name,
+                    mass=float(inertia.mass),
+                )
         idx_q = np.array([model.joints[i].idx_q for i in range(1, model.njoints)], dtype=np.intp)
         is_circle = np.array([model.joints[i].nq == 2 for i in range(1, model.njoints)], dtype=bool)
         armature = model.armature

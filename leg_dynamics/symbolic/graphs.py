@@ -34,7 +34,7 @@ SMALLEST_PIVOT = 1e-7
 # Pivots of the mass matrix with unit diagonal: below this a motion has no mass of its own.
 SMALLEST_MASS = 1e-6
 # The actuators hold every motion: pivots of their transfer relative to its rows.
-SMALLEST_TRANSFER = 1e-9
+SMALLEST_TRANSFER = 1e-7
 TOLERANCE = 1e-13
 # Residual of every loop row, dimensionless, and cosine of axes that must point the same way.
 CLOSED = 1e-9

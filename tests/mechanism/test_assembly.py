@@ -178,7 +178,7 @@ def test_without_a_configuration_the_nearest_pose_is_chosen_the_same_way_each_ti
     xml = linkage.text(home=False).xml
     seeds = []
     for _ in range(2):
-        with pytest.warns(LegDynamicsWarning, match=r"gives no configuration; .*other assembly modes.*mode_2 "):
+        with pytest.warns(LegDynamicsWarning, match=r"gives no configuration; .*other assembly modes.*mode_"):
             seeds.append(Mechanism(parse(xml)).seeds)
     assert len(seeds[0]) == 1
     np.testing.assert_array_equal(seeds[0][0].q, seeds[1][0].q)

@@ -84,6 +84,9 @@ def assemble_along(leg: Leg, motion: Trajectory) -> Mapping[str, NDArray[np.floa
         leads to it. With `time`, s, and where the route knows them `pose` (coordinates by name), `kind` (``parallel``,
         ``constraint``, ``coordinates``) and `direction` (rates of the free motion by joint); `margin` as elsewhere.
     """
+    route: Any = leg.backend
+    if hasattr(route, "forget"):
+        route.forget()
     try:
         assembled = leg.assemble(motion.q)
     except RowError as error:
@@ -110,6 +113,17 @@ def _continued(leg: Leg, motion: Trajectory) -> Mapping[str, np.ndarray] | None:
 
 
 def _compare(leg: Leg, motion: Trajectory, assembled: Mapping[str, Any], continued: Mapping[str, Any]) -> None:
+    """Refuse a motion whose continuation is not what the leg makes of its samples, in a row or each alone."""
+    route: Any = leg.backend
+    route = getattr(route, "fallback", None) or route
+    alone = dict(zip(route.tree_joint_names, route.apart(motion.q).T, strict=True))
+    # A sample that only the motion leads to is no contradiction.
+    alone = {name: np.where(np.isnan(values), continued[name], values) for name, values in alone.items()}
+    for own in (assembled, alone):
+        _compare_with(leg, motion, own, continued)
+
+
+def _compare_with(leg: Leg, motion: Trajectory, assembled: Mapping[str, Any], continued: Mapping[str, Any]) -> None:
     turns = {joint.name: joint.unit == "rad" for joint in leg.description.joints}
     for name, values in continued.items():
         difference = np.abs(assembled[name] - values)
