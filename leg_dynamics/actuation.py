@@ -12,16 +12,27 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from leg_dynamics.errors import EffortLimitError, ParameterError, RowFailures, ShapeError, SingularityError
+from leg_dynamics.errors import EffortLimitError, ParameterError, RowError, RowFailures, ShapeError, SingularityError
 
 __all__ = ["Actuation", "Feasibility", "IdleTorque", "Policy", "actuation_of", "feasibility"]
 
 # Below that share of the largest singular value of A, rows of unit length, a motion is not held.
 HELD = 1e-9
+# At or below that share of max(1, the largest singular value), a pose has lost a motion: rounding is 1e-16 over it, and
+# efforts are promised to 1e-9.
+LOST = 1e-7
 # Relative accuracy that the quadratic program is solved to, before the active bounds are known and the rest is exact.
 QP_ACCURACY = 1e-9
+# Steps before the quadratic program is left to the active-set method, and what it takes for infinite.
+QP_STEPS, QP_INFINITY = 20, 1e20
 # An effort that far beyond its bound, relative to it, is at the bound.
 BOUND_TOLERANCE = 1e-9
+# Relative rounding of a few dozen operations.
+ROUNDING = 1e-14
+# Entries below that share of the largest are what rounding leaves of zero.
+DUST = 1e-14
+# A unit push at an effort that moves it by less leaves it as good as fixed.
+INDEPENDENT = 1e-10
 
 
 class IdleTorque(NamedTuple):
@@ -277,11 +288,6 @@ class Policy(NamedTuple):
     lower: np.ndarray
     upper: np.ndarray
 
-    @property
-    def is_bounded(self) -> bool:
-        """Whether any bound is finite."""
-        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
-
     @classmethod
     def of(
         cls,
@@ -332,6 +338,12 @@ class Policy(NamedTuple):
             raise ParameterError(
                 f"bounds must have lower <= upper, got {lower.tolist()} and {upper.tolist()}", parameter="bounds"
             )
+        if (lower == np.inf).any() or (upper == -np.inf).any():
+            raise ParameterError(
+                f"bounds must leave finite efforts, got lower {lower.tolist()} and upper {upper.tolist()}: no bound is "
+                "lower -inf and upper inf",
+                parameter="bounds",
+            )
         p = np.zeros(m) if preload is None else preload
         if not np.isfinite(p).all():
             raise ParameterError(f"preload must be finite, got {p.tolist()}", parameter="preload")
@@ -359,99 +371,381 @@ class Policy(NamedTuple):
         held = np.array([k for k, name in enumerate(names) if name not in verdict.idle], dtype=np.intp)
         tau, residual = np.full((count, m), np.nan), np.full((count, n), np.nan)
         finite = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(Q).all(axis=1)
-        root = np.sqrt(self.weights)
         preload = np.broadcast_to(self.preload, (count, m))
         for row in np.flatnonzero(finite):
             B = A[row][:, held].T
-            left, sigma, right = np.linalg.svd(B / root, full_matrices=False)
-            if len(held) and not (len(sigma) == len(held) and sigma[-1] > HELD * max(sigma[0], 1e-300)):
+            # Weights say who shares the load, not what can be held: they have no part in this.
+            left, sigma, _ = np.linalg.svd(B, full_matrices=False)
+            if len(held) and not (len(sigma) == len(held) and sigma[-1] > LOST * max(1.0, sigma[0])):
                 failures.add(row, _lost(left, sigma, [names[k] for k in held]))
                 continue
-            missing = Q[row, held] - B @ preload[row]
-            effort = preload[row] + right.T @ ((left.T @ missing) / sigma) / root
-            if self.is_bounded and not self._within(effort):
-                bounded = self._bounded(B, Q[row, held], preload[row])
-                if bounded is None:
-                    failures.add(row, self._too_much(B, Q[row, held], effort))
-                    continue
-                effort = bounded
-            tau[row] = effort
+            chosen = self._shared(B, Q[row, held], preload[row])
+            if isinstance(chosen, RowError):
+                failures.add(row, chosen)
+                continue
+            tau[row] = chosen
             residual[row] = 0.0
             idle = np.setdiff1d(np.arange(n), held)
-            residual[row, idle] = Q[row, idle] - A[row][:, idle].T @ effort
+            residual[row, idle] = Q[row, idle] - A[row][:, idle].T @ chosen
         return tau, residual
 
-    def _within(self, effort: np.ndarray) -> bool:
-        slack = BOUND_TOLERANCE * (1.0 + np.abs(effort))
-        return bool(((effort >= self.lower - slack) & (effort <= self.upper + slack)).all())
+    def _shared(self, B: np.ndarray, Q: np.ndarray, preload: np.ndarray) -> np.ndarray | RowError:
+        """The optimum for one sample, or why there is none.
 
-    def _bounded(self, B: np.ndarray, Q: np.ndarray, preload: np.ndarray) -> np.ndarray | None:
-        """The bounded optimum by a quadratic program, exact once its active bounds are known; None without one."""
+        Groups of actuators that share no motion are solved apart, so that the rounding of strong ones does not disturb
+        weak ones.
+        """
+        # What rounding leaves between groups goes over to the right side, known after a first round.
+        groups, rest = _groups(B)
+        efforts = np.zeros(len(preload))
+        for _ in range(2 if rest.any() else 1):
+            missing: list[_Infeasible] = []
+            for rows, columns in groups:
+                share = _Share(
+                    B[np.ix_(rows, columns)],
+                    Q[rows] - rest[rows] @ efforts,
+                    *(x[columns] for x in (self.weights, preload, self.lower, self.upper)),
+                )
+                found = share.optimum()
+                if isinstance(found, _Infeasible):
+                    missing.append(found)
+                    efforts[columns] = found.free
+                elif found is None:
+                    return _unsettled()
+                else:
+                    efforts[columns] = found
+        return self._too_much(missing, efforts) if missing else efforts
+
+    def _too_much(self, missing: Sequence[_Infeasible], efforts: np.ndarray) -> EffortLimitError:
+        """How much wider the bounds would have to be."""
+        contain_zero = bool((self.lower <= 0.0).all() and (self.upper >= 0.0).all())
+        excess = max(each.excess(contain_zero) for each in missing)
+        # It is proved that the bounds are not enough, so a factor that rounds to 1 lies above it.
+        needed = max(1.0 + excess, float(np.nextafter(1.0, 2.0)))
+        if contain_zero:
+            finite = np.isfinite(needed)
+            need = f"{needed:.10g} times the bounds are needed" if finite else "no multiple of the bounds is enough"
+        elif np.isfinite(needed):
+            need = f"each has to move outwards by {needed - 1.0:.4g} times the larger magnitude of its two bounds"
+        else:
+            need = "moving them outwards by any multiple of the larger magnitude of each two is not enough"
+        return EffortLimitError(
+            f"no efforts within the bounds {self.lower.tolist()} to {self.upper.tolist()} produce the motion: {need} "
+            f"(an optimum without bounds would have {[float(f'{x:.6g}') for x in efforts]}): slow the motion down, "
+            "lower the load, or use stronger actuators",
+            margin=1.0 - needed,
+            needed=needed,
+        )
+
+
+def _groups(B: np.ndarray) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
+    """Rows and columns that belong together, and what of B belongs to no group: entries of rounding's size."""
+    joined = np.abs(B) > DUST * np.abs(B).max(initial=0.0)
+    if joined.all() and B.size:
+        return [(np.arange(len(B)), np.arange(B.shape[1]))], np.zeros_like(B)
+    left = set(range(B.shape[1]))
+    groups = []
+    rest = B.copy()
+    while left:
+        columns = np.zeros(B.shape[1], dtype=bool)
+        columns[min(left)] = True
+        count = 0
+        while count != (count := int(columns.sum())):
+            rows = joined[:, columns].any(axis=1)
+            columns |= joined[rows].any(axis=0)
+        group = np.flatnonzero(rows), np.flatnonzero(columns)
+        rest[np.ix_(*group)] = 0.0
+        groups.append(group)
+        left -= set(group[1].tolist())
+    return groups, rest
+
+
+class _Infeasible(NamedTuple):
+    """A proof that the bounds are not enough for one group of actuators.
+
+    ``coefficient`` (m,) times the efforts is the same for all efforts that balance the work, and `violation` less than
+    the bounds allow.
+    """
+
+    share: _Share
+    free: np.ndarray
+    coefficient: np.ndarray
+    violation: float
+
+    def excess(self, contain_zero: bool) -> float:
+        """The least by which the bounds must grow: as a multiple of themselves, or of each pair's larger magnitude."""
+        share, toward = self.share, self.coefficient
+        part = toward != 0.0
+        binding = np.where(toward > 0.0, share.lower, share.upper)
+        unit = np.abs(binding) if contain_zero else share.magnitude
+        span = float(np.abs(toward[part]) @ unit[part])
+        if span == 0.0:
+            return np.inf
+        proved = self.violation / span
+        return max(proved, share.widening(contain_zero, proved))
+
+
+@dataclass(frozen=True)
+class _Share:
+    """The least sum of weight * (effort - preload)² with B effort = Q and lower <= effort <= upper.
+
+    B (n, m) has full row rank, unless it has no row.
+    """
+
+    B: np.ndarray
+    Q: np.ndarray
+    weights: np.ndarray
+    preload: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    @property
+    def magnitude(self) -> np.ndarray:
+        """The larger of the finite bounds' magnitudes, (m,); 0 without any."""
+        sides = [np.where(np.isfinite(side), np.abs(side), 0.0) for side in (self.lower, self.upper)]
+        largest: np.ndarray = np.maximum(*sides)
+        return largest
+
+    def optimum(self) -> np.ndarray | _Infeasible | None:
+        """The efforts, or a proof that there are none; None if rounding kept the search from an end."""
+        if not len(self.B):
+            return np.clip(self.preload, self.lower, self.upper)
+        none = np.zeros(len(self.weights))
+        free = self._with_fixed(none)
+        if not self._violation(free, none).any():
+            return free.effort
+        if self.B.shape[1] > len(self.B):
+            found = self._by_interior(free)
+            if found is not None:
+                return found
+        return self._by_active_set(free)
+
+    def _with_fixed(self, side: np.ndarray) -> _Fixed:
+        """The optimum with some efforts at a bound, lower where `side` is 1, upper where it is -1; others unbounded."""
+        loose = side == 0.0
+        effort = np.where(side > 0.0, self.lower, np.where(side < 0.0, self.upper, self.preload))
+        B, root = self.B[:, loose], np.sqrt(self.weights[loose])
+        left, sigma, right = np.linalg.svd(B)
+        count = len(sigma)
+        inverse = (right[:count].T / sigma) @ left.T
+        null = right[count:].T
+        triangle = _Triangle(null, root)
+        effort[loose] += inverse @ (self.Q - self.B @ effort)
+        if null.shape[1] and np.ptp(root):
+            effort[loose] += null @ triangle.least_squares(self.preload[loose] - effort[loose])
+        # The balance of work to the last digit: what is left is known more accurately than the efforts are.
+        for _ in range(2):
+            effort[loose] += inverse @ (self.Q - self.B @ effort)
+        return _Fixed(effort, loose, inverse, null, triangle)
+
+    def _violation(self, at: _Fixed, side: np.ndarray) -> np.ndarray:
+        """By how much each effort is beyond its bounds, negative above the upper; 0 within rounding and if fixed."""
+        effort = at.effort
+        rounding = np.zeros(len(effort))
+        terms = np.abs(self.Q) + np.abs(self.B) @ np.abs(effort)
+        rounding[at.loose] = ROUNDING * (np.abs(at.inverse) @ terms + np.abs(effort[at.loose]))
+        below, above = self.lower - effort, effort - self.upper
+        with np.errstate(invalid="ignore"):
+            below = np.where(below > rounding + BOUND_TOLERANCE * np.abs(self.lower), below, 0.0)
+            above = np.where(above > rounding + BOUND_TOLERANCE * np.abs(self.upper), above, 0.0)
+        beyond: np.ndarray = np.where(side == 0.0, below - above, 0.0)
+        return beyond
+
+    def _by_interior(self, free: _Fixed) -> np.ndarray | None:
+        """By a quadratic program, exact once its active bounds are known; None where those do not prove optimal.
+
+        Unknown is only the part of the efforts that does no work, counted from the optimum without bounds in units of
+        the largest violation.
+        """
         from proxsuite import proxqp
 
         m = len(self.weights)
-        scale = max(1.0, float(np.abs(Q).max(initial=0.0)))
-        bound = 1e20  # proxqp's infinity
+        scale = float(np.abs(self._violation(free, np.zeros(m))).max())
+        weights = self.weights / self.weights.max()
+        lower, upper = (self.lower - free.effort) / scale, (self.upper - free.effort) / scale
         result = proxqp.dense.solve(
-            np.diag(self.weights / self.weights.max()),
-            -self.weights / self.weights.max() * preload / scale,
-            B,
-            Q / scale,
-            np.eye(m),
-            np.clip(self.lower / scale, -bound, bound),
-            np.clip(self.upper / scale, -bound, bound),
+            free.null.T @ (weights[:, None] * free.null),
+            np.zeros(free.null.shape[1]),
+            None,
+            None,
+            free.null,
+            np.clip(lower, -QP_INFINITY, QP_INFINITY),
+            np.clip(upper, -QP_INFINITY, QP_INFINITY),
             eps_abs=QP_ACCURACY,
             eps_rel=0.0,
+            max_iter=QP_STEPS,
         )
         if result.info.status != proxqp.PROXQP_SOLVED:
             return None
-        effort: np.ndarray = np.asarray(result.x) * scale
-        near = 1e-6 * (scale + np.abs(effort))
-        fixed = (effort - self.lower < near) | (self.upper - effort < near)
-        at = np.clip(effort, self.lower, self.upper)
-        # With the active bounds known, the rest is a least-squares problem.
-        free = ~fixed
-        if free.any():
-            root = np.sqrt(self.weights[free])
-            C = B[:, free] / root
-            missing = Q - B[:, fixed] @ at[fixed] - B[:, free] @ preload[free]
-            exact = preload[free] + np.linalg.lstsq(C, missing, rcond=HELD)[0] / root
-            if np.abs(exact - effort[free]).max(initial=0.0) <= 1e-5 * (scale + np.abs(effort).max()):
-                at[free] = exact
-        return at if np.abs(B @ at - Q).max(initial=0.0) <= 1e-7 * scale else None
+        moved = free.null @ np.asarray(result.x)
+        near = 1e-6 * (1.0 + np.abs(moved))
+        at_lower, at_upper = moved - lower < near, upper - moved < near
+        side = np.where(at_lower, 1.0, np.where(at_upper, -1.0, 0.0))
+        active = side != 0.0
+        if active.sum() > free.null.shape[1]:
+            return None
+        if active.any() and np.linalg.svd(free.null[active], compute_uv=False)[-1] < INDEPENDENT:
+            return None
+        fixed = self._with_fixed(side)
+        if self._violation(fixed, side).any():
+            return None
+        # Without work to do, the gradient is balanced by the bounds alone, each of which only pushes inwards.
+        pull = self.weights * (fixed.effort - self.preload)
+        push = np.linalg.lstsq(free.null[active].T, free.null.T @ pull, rcond=None)[0]
+        return fixed.effort if (push * side[active] >= -ROUNDING * np.abs(pull).max()).all() else None
 
-    def _too_much(self, B: np.ndarray, Q: np.ndarray, effort: np.ndarray) -> EffortLimitError:
-        """How many times the bounds would be needed, by a linear program."""
+    def _by_active_set(self, free: _Fixed) -> np.ndarray | _Infeasible | None:
+        """By the dual method of Goldfarb and Idnani (1983): one violated bound after the other becomes active.
+
+        It begins at the optimum without bounds. A bound that the active ones contradict proves that there is no
+        solution.
+        """
+        m = len(self.weights)
+        side, push = np.zeros(m), np.zeros(m)
+        at = free
+        for _ in range(20 * (m + 5)):
+            beyond = self._violation(at, side)
+            if not beyond.any():
+                return at.effort
+            # In the units of the sum that is least: how far that bound alone would push it.
+            k = int(np.argmax(np.abs(beyond) * np.sqrt(self.weights)))
+            sign, violation, pushed = float(np.sign(beyond[k])), float(abs(beyond[k])), 0.0
+            for _ in range(m + 1):
+                step, gain, change = self._step(at, side, k, sign)
+                falls = (side != 0.0) & (change < -ROUNDING * max(1.0, float(np.abs(change).max())))
+                until = np.where(falls, push / np.where(falls, -change, 1.0), np.inf)
+                drop = int(np.argmin(until))
+                full = violation / gain if gain > 0.0 else np.inf
+                length = min(full, float(until[drop]))
+                if not np.isfinite(length):
+                    toward = side * np.maximum(change, 0.0)
+                    toward[k] = sign
+                    return _Infeasible(self, free.effort, toward, violation)
+                push = np.where(side != 0.0, np.maximum(push + length * change, 0.0), 0.0)
+                pushed += length
+                if full <= until[drop]:
+                    side[k], push[k] = sign, pushed
+                    at = self._with_fixed(side)
+                    break
+                violation -= length * gain
+                effort = at.effort + length * step
+                side[drop] = push[drop] = 0.0
+                at = self._with_fixed(side)._replace(effort=effort)
+            else:
+                return None
+        return None
+
+    def _step(self, at: _Fixed, side: np.ndarray, k: int, sign: float) -> tuple[np.ndarray, float, np.ndarray]:
+        """How a unit push at effort k moves the efforts, effort k, and the pushes at the bounds that are active."""
+        loose = at.loose
+        position = int(np.count_nonzero(loose[:k]))
+        push = np.zeros(int(loose.sum()))
+        push[position] = sign
+        row = at.null[position] if at.null.shape[1] else np.zeros(0)
+        step, gain = np.zeros(len(side)), 0.0
+        if np.linalg.norm(row) > INDEPENDENT:
+            step[loose] = at.null @ at.triangle.solve_twice(sign * row)
+            gain = float(sign * step[k])
+        price = at.inverse.T @ (self.weights[loose] * step[loose] - push)
+        return step, gain, np.where(side != 0.0, -side * (self.B.T @ price), 0.0)
+
+    def widening(self, contain_zero: bool, proved: float) -> float:
+        """The least growth of the bounds by a linear program; `proved` where that fails.
+
+        Efforts are counted in units of what their bounds allow, and rows by their largest entry.
+        """
         from scipy.optimize import linprog
 
-        m = len(effort)
+        m = len(self.weights)
+        growing = self.magnitude
+        unit = np.where(growing > 0.0, growing, growing.max(initial=0.0)) * (1.0 + proved)
+        unit = np.where(unit > 0.0, unit, 1.0)
+        B = self.B * unit
+        row = np.abs(B).max(axis=1)
         rows, right = [], []
         for k in range(m):
             for sign, limit in ((1.0, self.upper[k]), (-1.0, -self.lower[k])):
                 if np.isfinite(limit):
-                    row = np.zeros(m + 1)
-                    row[k], row[m] = sign, -limit
-                    rows.append(row)
-                    right.append(0.0)
+                    constraint = np.zeros(m + 1)
+                    # The last unknown is the growth, in units of 1 + proved.
+                    constraint[k] = sign
+                    constraint[m] = -(limit if contain_zero else growing[k]) * (1.0 + proved) / unit[k]
+                    rows.append(constraint)
+                    right.append(limit / unit[k])
         solution = linprog(
             np.append(np.zeros(m), 1.0),
             A_ub=np.array(rows),
             b_ub=np.array(right),
-            A_eq=np.hstack([B, np.zeros((len(B), 1))]),
-            b_eq=Q,
+            A_eq=np.hstack([B / row[:, None], np.zeros((len(B), 1))]),
+            b_eq=self.Q / row,
             bounds=[(None, None)] * m + [(0.0, None)],
         )
-        times = float(solution.x[-1]) if solution.success else np.inf
-        need = (
-            f"{times:.4g} times the bounds are needed" if np.isfinite(times) else "no multiple of the bounds is enough"
-        )
-        return EffortLimitError(
-            f"no efforts within the bounds {self.lower.tolist()} to {self.upper.tolist()} produce the motion: {need} "
-            f"(without bounds the efforts would be {effort.round(6).tolist()}): slow the motion down, lower the load, "
-            "or use stronger actuators",
-            margin=1.0 - times,
-            needed=times,
-        )
+        if solution.status == 2:  # infeasible however far they grow
+            return np.inf
+        return float(solution.x[-1]) * (1.0 + proved) if solution.success else proved
+
+
+class _Fixed(NamedTuple):
+    """The optimum with some efforts fixed.
+
+    Attributes
+    ----------
+    effort : (m,) array
+    loose : (m,) bool array
+        Those that are not fixed.
+    inverse, null : (loose, n), (loose, p) array
+        Pseudoinverse and null space of their columns of B.
+    triangle : _Triangle
+        Of the null space, weighted.
+    """
+
+    effort: np.ndarray
+    loose: np.ndarray
+    inverse: np.ndarray
+    null: np.ndarray
+    triangle: _Triangle
+
+
+class _Triangle:
+    """QR decomposition of root * null, whose rows may differ by many orders of magnitude.
+
+    With the large rows first and the columns pivoted it is accurate row by row (Cox and Higham 1998).
+    """
+
+    def __init__(self, null: np.ndarray, root: np.ndarray) -> None:
+        self._null, self._root = null, root
+        self._parts: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
+
+    def _decomposed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        if self._parts is None:
+            import scipy.linalg
+
+            weighted = self._root[:, None] * self._null
+            rows = np.argsort(-np.abs(weighted).max(axis=1))
+            orthogonal, triangle, columns = scipy.linalg.qr(weighted[rows], mode="economic", pivoting=True)
+            self._parts = rows, orthogonal, triangle, columns
+        return self._parts
+
+    def least_squares(self, value: np.ndarray) -> np.ndarray:
+        """The z with the least |root * (null z - value)|."""
+        rows, orthogonal, triangle, columns = self._decomposed()
+        z = np.empty(len(columns))
+        z[columns] = np.linalg.solve(triangle, orthogonal.T @ (self._root * value)[rows])
+        return z
+
+    def solve_twice(self, value: np.ndarray) -> np.ndarray:
+        """The z with null^T root² null z = value."""
+        _, _, triangle, columns = self._decomposed()
+        z = np.empty(len(columns))
+        z[columns] = np.linalg.solve(triangle, np.linalg.solve(triangle.T, value[columns]))
+        return z
+
+
+def _unsettled() -> SingularityError:
+    return SingularityError(
+        "the choice of efforts within the bounds did not settle: the bounds leave almost nothing to choose there; "
+        "widen or narrow one of them by a little, or bring the weights nearer to each other"
+    )
 
 
 def _lost(left: np.ndarray, sigma: np.ndarray, names: Sequence[str]) -> SingularityError:
@@ -459,10 +753,11 @@ def _lost(left: np.ndarray, sigma: np.ndarray, names: Sequence[str]) -> Singular
     direction = direction / direction[np.argmax(np.abs(direction))]
     shown = ", ".join(f"{name} {x:.3g}" for name, x in zip(names, direction, strict=True) if abs(x) > 0.05)
     least = float(sigma[-1]) if len(sigma) == len(names) else 0.0
+    largest = float(sigma[0]) if len(sigma) else 0.0
     return SingularityError(
         f"the actuators do not hold the motion ({shown}) there, a parallel singularity: smallest singular value "
-        f"{least:.3g} of {sigma[0] if len(sigma) else 0.0:.3g}; move away from this pose, or use generalized_force, "
-        "which is always unique",
+        f"{least:.3g} of {largest:.3g}, the limit is {LOST * max(1.0, largest):.3g}; move away from this pose, or use "
+        "generalized_force, which is always unique",
         margin=least,
         kind="parallel",
         direction=dict(zip(names, direction.tolist(), strict=True)),

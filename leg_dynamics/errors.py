@@ -231,7 +231,10 @@ class NonFiniteError(RowError, ValueError):
 
 
 class EffortLimitError(RowError, ValueError):
-    """No efforts within their bounds produce the motion; `margin` is 1 minus how many times the bounds are `needed`."""
+    """No efforts within their bounds produce the motion; `margin` is 1 minus how many times the bounds are `needed`.
+
+    Where some bounds exclude zero, `needed` is 1 plus the share of its larger magnitude by which each has to move out.
+    """
 
     needed: float
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import pickle
+from fractions import Fraction
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 
 import leg_dynamics as ld
-from leg_dynamics.actuation import Policy, actuation_of
+from leg_dynamics.actuation import Actuation, Policy, _Share, actuation_of
 from leg_dynamics.errors import (
     ActuationError,
     DescriptionError,
@@ -208,6 +210,289 @@ def test_actuators_that_lose_a_motion_at_a_pose():
     assert (error.kind, error.direction) == ("parallel", {"x": 0.0, "y": 1.0})
 
 
+def test_a_motion_that_the_only_actuator_loses():
+    """One held motion: the limit is an absolute one, whatever the weight."""
+    leg = ld.load(five_bar(("kb",)))
+    assert (leg.joint_names, leg.actuation.idle) == (("ma", "mb"), ("ma",))
+
+    def rate(ma):
+        return leg.actuator_jacobian([ma, 1.1])[0, 1]
+
+    q = np.array([brentq(rate, 0.4, 0.6, xtol=1e-15), 1.1])
+    assert abs(rate(q[0])) < 1e-9
+    for weight in (1e-12, 1.0, 1e12):
+        with pytest.raises(SingularityError, match="the limit is 1e-07") as caught:
+            leg.torque(q, STATE[1], STATE[2], weights=[weight], allow_idle=True)
+        assert abs(caught.value.margin[0]) < 1e-7
+
+
+@pytest.mark.parametrize(("least", "held"), [(1e-12, False), (0.9e-7, False), (1.1e-7, True), (1e-3, True)])
+@pytest.mark.parametrize("weights", [[1.0, 1.0, 1.0], [1e6, 1e-6, 1.0], [1e-6, 1e6, 1e-6]])
+def test_weights_do_not_decide_what_is_held(least, held, weights):
+    B = np.array([[1.0, 0.0, 0.0], [0.0, least, 0.0]])
+    tau, error = efforts_of(Policy.of(3, np.full(3, np.inf), weights), B, np.array([1.0, 1.0]))
+    assert (error is None) == held
+    if held:
+        np.testing.assert_allclose(tau, [1.0, 1.0 / least, 0.0], rtol=1e-9)
+    else:
+        assert isinstance(error, SingularityError)
+
+
+# ------------------------------------------------------------------------------------- bounded efforts, at any scale
+
+
+def efforts_of(policy, B, force):
+    """Efforts with B @ efforts = force, and the error where there are none."""
+    n, m = B.shape
+    verdict = Actuation("redundant", n, m, n, m - n, (), ())
+    failures = RowFailures()
+    tau, _ = policy.efforts(B.T[None], force[None], verdict, [f"y{k}" for k in range(n)], failures)
+    return tau[0], failures.combined(None) if failures else None
+
+
+def solved(matrix, right):
+    """Gauss-Jordan elimination in rational numbers; None for a singular matrix."""
+    rows = [[*row, x] for row, x in zip(matrix, right, strict=True)]
+    for c in range(len(rows)):
+        pivot = next((k for k in range(c, len(rows)) if rows[k][c]), None)
+        if pivot is None:
+            return None
+        rows[c], rows[pivot] = rows[pivot], rows[c]
+        rows[c] = [x / rows[c][c] for x in rows[c]]
+        for k in range(len(rows)):
+            if k != c and rows[k][c]:
+                rows[k] = [x - rows[k][c] * y for x, y in zip(rows[k], rows[c], strict=True)]
+    return [row[-1] for row in rows]
+
+
+def exact_optimum(B, force, weights, preload, lower, upper):
+    """The optimum in rational numbers, of all choices of active bounds the one that proves optimal; None without."""
+    n, m = B.shape
+    columns = [[Fraction(x) for x in column] for column in B.T.tolist()]
+    force, weights, preload = ([Fraction(x) for x in values.tolist()] for values in (force, weights, preload))
+    sides = [[Fraction(x) if math.isfinite(x) else None for x in side.tolist()] for side in (lower, upper)]
+    for count in range(m - n + 1):
+        for active in itertools.combinations(range(m), count):
+            loose = [i for i in range(m) if i not in active]
+            gram = [
+                [sum(columns[i][a] * columns[i][b] / weights[i] for i in loose) for b in range(n)] for a in range(n)
+            ]
+            for chosen in itertools.product((0, 1), repeat=count):
+                tau = list(preload)
+                for i, side in zip(active, chosen, strict=True):
+                    tau[i] = sides[side][i]
+                if None in tau:
+                    continue
+                price = solved(gram, [force[a] - sum(columns[i][a] * tau[i] for i in range(m)) for a in range(n)])
+                if price is None:
+                    break
+                pull = [sum(x * y for x, y in zip(column, price, strict=True)) for column in columns]
+                for i in loose:
+                    tau[i] += pull[i] / weights[i]
+                inside = all(
+                    (low is None or x >= low) and (high is None or x <= high)
+                    for x, low, high in zip(tau, *sides, strict=True)
+                )
+                if inside and all(
+                    (weights[i] * (tau[i] - preload[i]) - pull[i]) * (1 - 2 * side) >= 0
+                    for i, side in zip(active, chosen, strict=True)
+                ):
+                    return np.array([float(x) for x in tau])
+    return None
+
+
+def random_problem(random, mixed, weighted):
+    n = int(random.integers(1, 4))
+    m = n + int(random.integers(0, 3))
+    B = random.normal(size=(n, m))
+    B[random.random(B.shape) < 0.2 * (random.random() < 0.5)] = 0.0
+    if np.linalg.svd(B, compute_uv=False)[-1] < 1e-2:
+        return random_problem(random, mixed, weighted)
+    unit = 10.0 ** random.uniform(-9.0, 6.0) * (10.0 ** random.uniform(-3.0, 3.0, m) if mixed else np.ones(m))
+    weights = 10.0 ** random.uniform(-6.0, 6.0, m) if weighted else np.ones(m)
+    if random.random() < 0.5:
+        lower, upper = -unit * random.uniform(0.2, 1.5, m), unit * random.uniform(0.2, 1.5, m)
+    else:
+        lower, upper = np.sort(unit * random.uniform(-1.2, 1.2, (2, m)), axis=0)
+    lower[random.random(m) < 0.1] = -np.inf
+    upper[random.random(m) < 0.1] = np.inf
+    preload = unit * random.normal(size=m) * (random.random() < 0.4)
+    # Inside by more than rounding, or the rational numbers would see no solution.
+    within = 0.01 * np.minimum(unit, upper - lower)
+    wanted = np.clip(unit * random.uniform(-1.0, 1.0, m), lower + within, upper - within)
+    return B, B @ wanted * random.choice([1.0, 2.0, 4.0]), weights, preload, lower, upper
+
+
+def check_optimal(tau, best, B, force, lower, upper):
+    balance = np.abs(B @ tau - force)
+    assert (balance <= 1e-12 * (np.abs(force) + np.abs(B) @ np.abs(tau))).all()
+    for beyond, bound in ((lower - tau, lower), (tau - upper, upper)):
+        finite = np.isfinite(bound)
+        assert (beyond[finite] <= 1e-9 * np.abs(bound[finite]) + 1e-14 * np.abs(tau).max()).all()
+    np.testing.assert_allclose(tau, best, rtol=0.0, atol=1e-9 * np.abs(best).max())
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+@pytest.mark.parametrize("weighted", [False, True])
+def test_bounded_efforts_are_the_exact_optimum_at_any_scale(mixed, weighted, monkeypatch):
+    random = np.random.default_rng([7, mixed, weighted])
+    problems = [random_problem(random, mixed, weighted) for _ in range(75)]
+    best = [exact_optimum(*problem) for problem in problems]
+    assert 15 < sum(each is None for each in best) < 60
+    # By the quadratic program first, and by the active-set method alone.
+    for _ in range(2):
+        for (B, force, weights, preload, lower, upper), each in zip(problems, best, strict=True):
+            policy = Policy.of(len(weights), upper, weights, (lower, upper), preload)
+            tau, error = efforts_of(policy, B, force)
+            if each is None:
+                assert np.isnan(tau).all()
+                assert isinstance(error, EffortLimitError)
+                assert error.needed > 1.0
+            else:
+                assert error is None
+                check_optimal(tau, each, B, force, lower, upper)
+        monkeypatch.setattr(_Share, "_by_interior", lambda share, free: None)
+
+
+def test_the_quadratic_program_agrees_with_the_active_set_method(monkeypatch):
+    """With weights near each other it does find the active bounds."""
+    random = np.random.default_rng(3)
+    by_interior, answers = _Share._by_interior, []
+
+    def recorded(share, free):
+        found = by_interior(share, free)
+        if found is not None:
+            answers.append(found)
+            np.testing.assert_allclose(found, share._by_active_set(free), rtol=0.0, atol=1e-12 * np.abs(found).max())
+        return found
+
+    monkeypatch.setattr(_Share, "_by_interior", recorded)
+    for _ in range(100):
+        B, force, weights, preload, lower, upper = random_problem(random, False, False)
+        efforts_of(Policy.of(len(weights), upper, weights, (lower, upper), preload), B, force)
+    assert len(answers) > 10
+
+
+def test_a_small_leg_on_a_strong_lift():
+    """Efforts of 1e-8 beside others of 1e4, also where rounding couples the two."""
+    small = np.array([[0.8, -0.3, 0.5], [0.2, 0.9, -0.4]]), np.array([0.9e-8, 1.1e-8]), np.full(3, 1.5e-8)
+    strong = np.array([[1.0, 0.7]]), np.array([2.1e4]), np.array([1.1e4, 2e4])
+    alone = [
+        exact_optimum(B, force, np.ones(len(limit)), np.zeros(len(limit)), -limit, limit)
+        for B, force, limit in (small, strong)
+    ]
+    for dust in (0.0, 1e-17):
+        B = np.full((3, 5), dust)
+        B[:2, :3], B[2:, 3:] = small[0], strong[0]
+        force = np.concatenate([small[1] + dust * alone[1].sum(), strong[1]])
+        for order in ([0, 1, 2, 3, 4], [3, 0, 4, 2, 1]):
+            limit = np.concatenate([small[2], strong[2]])[order]
+            tau, error = efforts_of(Policy.of(5, limit, bounds=True), B[:, order], force)
+            assert error is None
+            assert (np.abs(B[:, order] @ tau - force) <= 1e-12 * np.abs(force)).all()
+            np.testing.assert_allclose(tau, np.concatenate(alone)[order], rtol=1e-12)
+            # The small one cannot, and is not hidden by the strong one.
+            limit = np.concatenate([0.5 * small[2], strong[2]])[order]
+            tau, error = efforts_of(Policy.of(5, limit, bounds=True), B[:, order], force)
+            _, apart = efforts_of(Policy.of(3, limit, bounds=0.5 * small[2]), *small[:2])
+            assert np.isnan(tau).all()
+            assert error.needed == pytest.approx(apart.needed, rel=1e-9)
+
+
+def test_an_optimum_between_weights_that_differ_much():
+    leg = ld.load(five_bar(("ma", "mb", "ka", "kb")))
+    state = [1.9, 1.1], [0.46219779, 0.90619581], [6.02951137, -0.41268135]
+    weights = np.array([0.04673735, 2.81286622, 18.48985078, 26.13750982])
+    lower = np.array([-0.4887706583274258, -0.8583999064710289, -0.712459577855272, -0.5130592350917185])
+    upper = np.array([0.5740669384782291, 0.8691248984080703, 0.8470099938712355, 0.8585553476441304])
+    tau = leg.torque(*state, weights=weights, bounds=(lower, upper))
+    np.testing.assert_allclose(tau, [0.574067, -0.855760, -0.712460, 0.638344], atol=1e-5)
+    B, force = leg.actuator_jacobian(state[0]).T, leg.generalized_force(*state)
+    check_optimal(tau, exact_optimum(B, force, weights, np.zeros(4), lower, upper), B, force, lower, upper)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
+def test_bounds_at_their_boundary_cases(scale):
+    random = np.random.default_rng(11)
+    for _ in range(20):
+        B, weights = random.normal(size=(2, 5)), 10.0 ** random.uniform(-2.0, 2.0, 5)
+        force = scale * random.normal(size=2)
+        free, _ = efforts_of(Policy.of(5, free_of(5), weights), B, force)
+        wide = scale * 100.0
+        # Exactly at the optimum, above, below and both.
+        for lower, upper in ((free, wide + free), (free - wide, free), (free, free)):
+            tau, error = efforts_of(Policy.of(5, free_of(5), weights, (lower, upper)), B, force)
+            assert error is None
+            np.testing.assert_array_equal(tau, free)
+        # A corner that nothing but itself fulfils, and that all bounds meet at.
+        corner = scale * random.uniform(-1.0, 1.0, 5)
+        sign = np.sign(B[0])
+        lower, upper = np.where(sign > 0.0, corner - wide, corner), np.where(sign > 0.0, corner, corner + wide)
+        for low, high in ((lower, upper), (corner, corner)):
+            tau, error = efforts_of(Policy.of(5, free_of(5), weights, (low, high)), B, B @ corner)
+            assert error is None
+            np.testing.assert_allclose(tau, corner, rtol=0.0, atol=1e-9 * np.abs(corner).max())
+        # One effort given.
+        low, high = free - wide, free + wide
+        low[1] = high[1] = free[1] + 0.3 * scale
+        tau, error = efforts_of(Policy.of(5, free_of(5), weights, (low, high)), B, force)
+        assert error is None
+        assert tau[1] == low[1]
+        # And all of them, beside a solution.
+        tau, error = efforts_of(Policy.of(5, free_of(5), weights, (free * 1.001, free * 1.001)), B, force)
+        assert isinstance(error, EffortLimitError)
+        assert np.isnan(tau).all()
+
+
+def free_of(m):
+    return np.full(m, np.inf)
+
+
+@pytest.mark.parametrize("zero", [True, False])
+def test_what_the_bounds_lack_is_just_enough(zero):
+    """As a multiple of the bounds; of the larger magnitude of each two where zero is not between them."""
+    random = np.random.default_rng(5)
+    checked = 0
+    while checked < 25:
+        B, force, weights, preload, lower, upper = random_problem(random, True, False)
+        if zero:
+            lower, upper = np.minimum(lower, 0.0), np.maximum(upper, 0.0)
+        elif ((lower <= 0.0) & (upper >= 0.0)).all():
+            continue
+        m = len(weights)
+        _, error = efforts_of(Policy.of(m, upper, weights, (lower, upper), preload), B, force)
+        if error is None or not np.isfinite(error.needed):
+            continue
+        assert ("times the bounds are needed" in error.message) == zero
+        assert ("has to move outwards by" in error.message) != zero
+        assert error.margin[0] == 1.0 - error.needed < 0.0
+        sides = np.abs([lower, upper])
+        unit = np.where(np.isfinite(sides), sides, 0.0).max(axis=0)
+        for excess, enough in (((error.needed - 1.0) * (1 + 1e-6), True), ((error.needed - 1.0) * (1 - 1e-3), False)):
+            wider = (
+                ((1.0 + excess) * lower, (1.0 + excess) * upper)
+                if zero
+                else (lower - excess * unit, upper + excess * unit)
+            )
+            _, again = efforts_of(Policy.of(m, upper, weights, wider, preload), B, force)
+            assert (again is None) == enough
+        checked += 1
+
+
+def test_no_multiple_of_zero_is_enough():
+    policy = Policy.of(2, free_of(2), bounds=([0.0, 0.0], [1.0, 0.0]))
+    _, error = efforts_of(policy, np.array([[1.0, 1.0]]), np.array([-1.0]))
+    assert math.isinf(error.needed)
+    assert "no multiple of the bounds is enough" in error.message
+
+
+def test_actuators_that_move_nothing_keep_to_their_preload():
+    policy = Policy.of(3, free_of(3), bounds=[5.0, 1.0, 1.0], preload=np.array([0.0, 3.0, 0.5]))
+    tau, error = efforts_of(policy, np.array([[2.0, 0.0, 0.0]]), np.array([4.0]))
+    assert error is None
+    np.testing.assert_allclose(tau, [2.0, 1.0, 0.5], rtol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("options", "error", "text"),
     [
@@ -217,6 +502,9 @@ def test_actuators_that_lose_a_motion_at_a_pose():
         ({"bounds": [1.0]}, ShapeError, "bounds must be 3"),
         ({"bounds": ([1.0] * 3, [0.0] * 3)}, ParameterError, "lower <= upper"),
         ({"bounds": [math.nan] * 3}, ParameterError, "lower <= upper"),
+        ({"bounds": ([math.inf] * 3, [math.inf] * 3)}, ParameterError, "must leave finite efforts"),
+        ({"bounds": ([-1.0] * 3, [1.0, 1.0, -math.inf])}, ParameterError, "lower <= upper"),
+        ({"bounds": ([-math.inf] * 3, [1.0, 1.0, -math.inf])}, ParameterError, "must leave finite efforts"),
         ({"preload": [1.0]}, ShapeError, "preload"),
         ({"preload": [math.inf, 0.0, 0.0]}, ParameterError, "preload must be finite"),
         ({"allow_idle": 1}, ParameterError, "allow_idle"),

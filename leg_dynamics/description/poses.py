@@ -25,7 +25,10 @@ def with_home(description: Description, values: Mapping[str, float]) -> Descript
     for found in root.findall("configuration"):
         if found.get("name") == "home":
             root.remove(found)
-    home = ElementTree.SubElement(root, "configuration", name="home")
+    # First, so that it is the default branch of the inverse kinematics too.
+    places = [place for place, child in enumerate(root) if child.tag == "configuration"]
+    home = ElementTree.Element("configuration", name="home")
+    root.insert(places[0] if places else len(root), home)
     for joint, value in values.items():
         ElementTree.SubElement(home, "joint", name=joint, value=repr(float(value)))
     document = Document(description.file, source=description.source, quiet=True)

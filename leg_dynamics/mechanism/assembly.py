@@ -140,8 +140,8 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
     if not description.loops:
         # Couplings and mimics leave no choice.
         return (poses[0],)
-    modes, closed = search_modes(mechanism)
-    others = "; ".join(map(str, modes[1:4])) or f"none found from {MODE_ATTEMPTS} starts, {closed} of which closed"
+    modes, arrived = search_modes(mechanism)
+    others = "; ".join(map(str, modes[1:4])) or f"none found from {MODE_ATTEMPTS} starts, {arrived} of which closed"
     more = f" and {len(modes) - 4} more" if len(modes) > 4 else ""
     warnings.warn(
         f"{description.file}: the file {reason}; taking the closed pose {_label(mechanism, poses[0])}; other assembly "
@@ -216,7 +216,7 @@ def _rounded_numbers(
         names = tuple(dict.fromkeys(owners[rows > 0.1 * rows.max()].tolist()))
         return best, names, f"the smallest residual found is {best:.3g}"
     left, sigma, _ = np.linalg.svd(mechanism.evaluate(at).jacobian * unit, full_matrices=False)
-    share = sigma / sigma[0]
+    share = sigma / max(1.0, float(sigma[0]))
     small = np.flatnonzero((share > ROUNDED_CLOSED) & (share < ROUNDED_SHARE))
     if not small.size:
         return None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from leg_dynamics.errors import AssemblyError, LegDynamicsError, ParameterError
+from leg_dynamics.errors import AssemblyError, DescriptionError, LegDynamicsError, ParameterError
 from leg_dynamics.mechanism.assembly import (
     DISTINCT_POSE,
     NEARLY_CLOSED,
@@ -22,6 +22,7 @@ from leg_dynamics.mechanism.assembly import (
     pose_label,
     wrapped,
 )
+from leg_dynamics.mechanism.mobility import check_independent
 
 if TYPE_CHECKING:
     from leg_dynamics.mechanism.mechanism import ClosedState, Mechanism
@@ -150,8 +151,15 @@ def _solutions(mechanism: Mechanism, current: ClosedState, attempts: int, seed: 
         state = mechanism.correct(wrapped(mechanism, q), 0.05)
         if state is None or not state.smallest_pivot > REGULAR:
             continue
-        if all(_apart(mechanism, state, other) > DISTINCT_POSE for other in (current, *found)):
-            found.append(mechanism.complete(state))
+        if not all(_apart(mechanism, state, other) > DISTINCT_POSE for other in (current, *found)):
+            continue
+        state = mechanism.complete(state)
+        try:
+            check_independent(mechanism, state)
+        except DescriptionError:
+            # An overconstrained mechanism may close where it cannot move.
+            continue
+        found.append(state)
     return found, closed
 
 
