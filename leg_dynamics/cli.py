@@ -1553,14 +1553,15 @@ def _show_inspection(console: Console, report: Inspection) -> None:
         )
     if len(report.modes) > 1:
         title = f"Assembly modes at home: {len(report.modes)} found"
-        table = _table(title, "name", "smallest singular value", "joints that differ")
+        table = _table(title, "name", "configurations", "smallest singular value", "joints that differ")
         home = report.modes[0].coordinates
         for mode in report.modes[:SHOWN_MODES]:
             apart = {name: abs(value - home[name]) for name, value in mode.coordinates.items()}
             most = sorted(apart, key=lambda name: -apart[name])[:SHOWN_JOINTS]
-            differing = most if mode is report.modes[0] else [name for name in most if apart[name] > LEAST_DIFFERENCE]
+            differing = [name for name in most if apart[name] > LEAST_DIFFERENCE]
             values = ", ".join(f"{name} {round(mode.coordinates[name], 4) + 0.0:g}" for name in differing)
-            _add_row(table, mode.name, f"{mode.regularity:.3g}", values)
+            shown = "in use" if mode is report.modes[0] else values
+            _add_row(table, mode.name, ", ".join(mode.configurations), f"{mode.regularity:.3g}", shown)
         console.print(table)
     if report.legs:
         console.print(escape("legs: " + ", ".join(f"{name} (foot {foot})" for name, foot in report.legs.items())))
@@ -1922,7 +1923,8 @@ def _table(title: str, *columns: str) -> Any:
 
     table = Table(title=Text(title) if title else None, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
     for column in columns:
-        table.add_column(column)
+        # Cut off, long names that begin alike look the same.
+        table.add_column(column, overflow="fold")
     return table
 
 

@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -245,7 +246,7 @@ def _inspected(
     notes: _Notes,
 ) -> dict[str, Any]:
     from leg_dynamics.description import read
-    from leg_dynamics.routes import load
+    from leg_dynamics.routes import load, source_of
 
     shown = os.fspath(source) if not str(source).lstrip("\ufeff \n").startswith("<") else "<string>"
     found: dict[str, Any] = {
@@ -261,12 +262,14 @@ def _inspected(
         "legs": {},
     }
     try:
-        description = read(source, parameters=parameters)
+        # What `load` reads: a relative path would name the file differently in the same warnings.
+        origin = source_of(source)
+        description = read(origin, parameters=parameters)
         found["description"], found["name"] = description, description.name
         _look_at_links(description, notes)
         _look_at_limits(description, notes)
         _look_at_loops(description, notes)
-        leg = load(source, route="pinocchio", foot=foot, parameters=parameters)
+        leg = load(origin, route="pinocchio", foot=foot, parameters=parameters)
     except (LegNotFoundError, ParameterError, MissingFootError):
         raise
     except LegDynamicsError as error:
@@ -277,6 +280,8 @@ def _inspected(
     notes.flags = f'state independent="true" for {", ".join(leg.joint_names)}' + (
         f' and independent="false" for {", ".join(dependent)}' if dependent else ""
     )
+    if _is_mjcf(description):
+        notes.flags = f"MJCF has no such flags: save leg_dynamics.description.read(..).urdf, and there {notes.flags}"
     found["description"] = leg.description
     found["legs"] = _legs(description, leg, notes)
     mechanism: Mechanism = leg.backend.mechanism  # type: ignore[attr-defined]
@@ -288,7 +293,7 @@ def _inspected(
         return found
     _look_at_mobility(found["mobility"], notes)
     found["loops"] = _redundancy(mechanism, seed)
-    _look_at_redundancy(found["loops"], leg.description, notes)
+    _look_at_redundancy(found["loops"], description, notes)
     sigma = mechanism.singular_values(home)
     if sigma.size:
         found["condition"] = condition = Condition(float(sigma[-1]), float(sigma[0]), mechanism.pose(home.y))
@@ -298,7 +303,9 @@ def _inspected(
                 "nearly-singular-home",
                 f"the home pose is nearly singular: smallest singular value of the closure {sigma[-1]:.3g} of "
                 f"{sigma[0]:.3g}; it is near {mechanism.singular(home)}",
-                "give a <configuration name='home'> further from it",
+                'give a <key name="home"> further from it'
+                if _is_mjcf(description)
+                else "give a <configuration name='home'> further from it",
             )
     try:
         found["modes"] = leg.assembly_modes()
@@ -307,7 +314,7 @@ def _inspected(
         notes.add_error(error)
     _look_at_home(leg, home.q, description, notes)
     if found["actuation"] is not None:
-        _look_at_actuation(leg, found["actuation"], notes)
+        _look_at_actuation(leg, found["actuation"], description, notes)
     _look_at_mass(leg, mechanism, home, notes)
     return found
 
@@ -317,6 +324,11 @@ def _inspected(
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
+
+
+def _is_mjcf(description: Description) -> bool:
+    """Whether texts to paste are MJCF's."""
+    return description.dialect == "MJCF"
 
 
 def _look_at_links(description: Description, notes: _Notes) -> None:
@@ -352,14 +364,16 @@ def _look_at_links(description: Description, notes: _Notes) -> None:
             "massless-links",
             f"{len(massless)} moving link{'s have' if len(massless) > 1 else ' has'} no mass: {_listed(massless)}; "
             "they are taken as they are, and a motion that moves nothing else has no acceleration",
-            "give each link its <inertial> where it stands for a real body",
+            f"give each {'body' if _is_mjcf(description) else 'link'} its <inertial> where it stands for a real body",
         )
     if hollow:
         notes.add(
             "warning",
             "inertia-without-mass",
             f"{_listed(hollow)}: rotary inertia without mass, as of a rotor whose mass is counted elsewhere",
-            "if it is a rotor, state rotorInertia and mechanicalReduction in its <transmission>",
+            "if it is a rotor, state the armature of the joint that it turns with"
+            if _is_mjcf(description)
+            else "if it is a rotor, state rotorInertia and mechanicalReduction in its <transmission>",
         )
     if pointlike:
         notes.add("note", "point-masses", f"{_listed(pointlike)}: mass without rotary inertia", "")
@@ -367,11 +381,12 @@ def _look_at_links(description: Description, notes: _Notes) -> None:
 
 def _look_at_limits(description: Description, notes: _Notes) -> None:
     driven = {transmission.joint for transmission in description.transmissions}
+    mjcf = _is_mjcf(description)
     for code, what, fix, lacking in (
         (
             "no-position-limits",
             "joint{} without position limits",
-            '<limit lower=".." upper=".." effort=".." velocity=".."/>',
+            'range=".. .." of the <joint>' if mjcf else '<limit lower=".." upper=".." effort=".." velocity=".."/>',
             [
                 joint.name
                 for joint in description.moving_joints
@@ -380,9 +395,16 @@ def _look_at_limits(description: Description, notes: _Notes) -> None:
         ),
         (
             "no-effort-limits",
-            "driven joint{} without effort or velocity limits",
-            'state effort=".." (N·m or N) and velocity=".." (rad/s or m/s) in <limit>: feasibility is judged by them',
-            [joint.name for joint in description.moving_joints if joint.name in driven and not _is_rated(joint.limits)],
+            "driven joint{} without effort limits" if mjcf else "driven joint{} without effort or velocity limits",
+            'state forcerange=".. .." of the actuator, or actuatorfrcrange of the joint: feasibility is judged by it'
+            if mjcf
+            else 'state effort=".." (N·m or N) and velocity=".." (rad/s or m/s) in <limit>: feasibility is judged by '
+            "them",
+            [
+                joint.name
+                for joint in description.moving_joints
+                if joint.name in driven and not _is_rated(joint.limits, velocity=not mjcf)
+            ],
         ),
     ):
         if lacking:
@@ -394,23 +416,12 @@ def _bounded(limits: Any) -> bool:
     return math.isfinite(limits.lower) and math.isfinite(limits.upper)
 
 
-def _is_rated(limits: Any) -> bool:
-    return math.isfinite(limits.effort) and math.isfinite(limits.velocity)
+def _is_rated(limits: Any, velocity: bool) -> bool:
+    """Whether the effort, and where the language has it the velocity, is limited."""
+    return math.isfinite(limits.effort) and (not velocity or math.isfinite(limits.velocity))
 
 
 def _look_at_loops(description: Description, notes: _Notes) -> None:
-    for loop in description.loops:
-        ends = loop.predecessor.link, loop.successor.link
-        paths = [[joint.name for joint in description.path(end) if joint.type != "fixed"] for end in ends]
-        if paths[0] == paths[1]:
-            notes.add(
-                "error",
-                "loop-binds-nothing",
-                f"loop {loop.name!r} joins {ends[0]!r} and {ends[1]!r}, which are one rigid body: it binds nothing",
-                "name the two links that meet in the loop joint",
-                description.file,
-                loop.line,
-            )
     if not description.loops and not description.couplings:
         named = [
             link.name for link in description.links if re.search(r"closed?_?loop|loop_?(joint|end)", link.name, re.I)
@@ -420,7 +431,9 @@ def _look_at_loops(description: Description, notes: _Notes) -> None:
                 "warning",
                 "unbound-loops",
                 f"the file closes no loop, but links are named as if they did: {_listed(named)}",
-                "add <loop> elements, or put the YAML file that names the closed loops beside the URDF file",
+                "add <connect> or <weld> to <equality>"
+                if _is_mjcf(description)
+                else "add <loop> elements, or put the YAML file that names the closed loops beside the URDF file",
             )
 
 
@@ -518,14 +531,20 @@ def _redundancy(mechanism: Mechanism, seed: int) -> tuple[LoopRedundancy, ...]:
 def _look_at_redundancy(loops: Sequence[LoopRedundancy], description: Description, notes: _Notes) -> None:
     simpler = [each for each in loops if each.simpler]
     for each in simpler[:_SHOWN]:
+        # A loop's line in the text that an MJCF file became is none of the file's.
         line = next((loop.line for loop in description.loops if loop.name == each.loop), None)
+        line = None if _is_mjcf(description) else line
+        fix = f'<loop name="{each.loop}" type="{each.simpler}"> leaves the same motion'
+        if _is_mjcf(description):
+            fix = f"<connect> in place of <weld> for {each.loop!r} leaves the same motion"
+        elif any(loop.name == each.loop and loop.axis is not None for loop in description.loops):
+            fix = f'<loop name="{each.loop}" type="{each.simpler}"> without its <axis> leaves the same motion'
         notes.add(
             "note",
             "redundant-loop-rows",
             f"loop {each.loop!r} ({each.type}) has {each.rows} rows, {each.redundant} of them redundant"
             + (f" with {_listed(each.with_)}" if each.with_ else ""),
-            f'<loop name="{each.loop}" type="{each.simpler}"> leaves the same motion'
-            + (", with the other loops as they are" if len(simpler) > 1 else ""),
+            fix + (", with the other loops as they are" if len(simpler) > 1 else ""),
             description.file,
             line,
         )
@@ -541,32 +560,50 @@ def _look_at_home(leg: Leg, q: np.ndarray, description: Description, notes: _Not
     home = leg.description.home
     if home is not None and close_configuration(mechanism, home) is not None:
         return
-    values = "".join(f'<joint name="{n}" value="{x:.12g}"/>' for n, x in zip(names, q.tolist(), strict=True))
+    values = "".join(f'<joint name={quoteattr(n)} value="{x:.12g}"/>' for n, x in zip(names, q.tolist(), strict=True))
+    fix = f'<configuration name="home">{values}</configuration>'
+    if _is_mjcf(description):
+        shown = ", ".join(f"{n} {x:.12g}" for n, x in zip(names, q.tolist(), strict=True))
+        fix = f'<key name="home" qpos=".."/> in <keyframe>, with {shown}'
     what = "states no configuration" if home is None else f"has an open or singular configuration {home.name!r}"
     notes.add(
         "warning",
         "no-home",
         f"the file {what}: which assembly mode is meant was chosen from its geometry",
-        f'<configuration name="home">{values}</configuration>',
+        fix,
     )
 
 
-def _look_at_actuation(leg: Leg, verdict: Actuation, notes: _Notes) -> None:
+def _look_at_actuation(leg: Leg, verdict: Actuation, description: Description, notes: _Notes) -> None:
+    from leg_dynamics.description.topology import actuated_joints
+
     if verdict.idle:
-        fix = (
-            "allow_idle=True gives efforts and the residual; generalized_force is always unique; or drive "
-            + ", ".join(verdict.idle)
+        joints = [name for name in verdict.idle if leg.description.joint(name).driven]
+        fix = "allow_idle=True gives efforts and the residual; generalized_force is always unique" + (
+            f"; or drive {', '.join(joints)}" if joints else ""
         )
         notes.add("warning", "under-actuated", str(verdict), fix)
     elif verdict.kind != "exact":
         fix = "efforts are those of smallest norm; torque takes weights, bounds and preload"
         notes.add("note", "redundantly-actuated", str(verdict), fix)
-    if not leg.description.transmissions:
-        lines = "".join(
-            f'<transmission name="t_{name}"><joint name="{name}"/><actuator name="motor_{name}"/></transmission>'
-            for name in leg.joint_names[:_SHOWN]
-        )
-        notes.add("note", "no-transmissions", "no joint is said to be driven: the independent ones are taken", lines)
+    if not description.transmissions and description.driven != "none":
+        # All of them: a file with some transmissions has no others.
+        names = actuated_joints(leg.description)
+        if _is_mjcf(description):
+            motors = "".join(f"<motor name={quoteattr(f'motor_{n}')} joint={quoteattr(n)}/>" for n in names)
+            fix = f"<actuator>{motors}</actuator>"
+        else:
+            fix = "".join(
+                f"<transmission name={quoteattr(f't_{n}')}><joint name={quoteattr(n)}/>"
+                f"<actuator name={quoteattr(f'motor_{n}')}/></transmission>"
+                for n in names
+            )
+        text = "no joint is said to be driven: the independent ones are taken"
+        if len(names) < len(leg.joint_names):
+            text += ", but for " + _listed([name for name in leg.joint_names if name not in names])
+        if _is_mjcf(description) and names:
+            text += "; a joint that has no name in the file has to get the one used here"
+        notes.add("note", "no-transmissions", text, fix if names else "")
 
 
 def _look_at_mass(leg: Leg, mechanism: Mechanism, home: Any, notes: _Notes) -> None:

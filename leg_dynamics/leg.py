@@ -557,12 +557,12 @@ class Leg:
             return actuation_of(self._transfer(np.zeros((1, self._n)), RowFailures()), *names)
         home = self.home
         near = home + _VERDICT_SPREAD * np.random.default_rng(0).standard_normal((_VERDICT_POSES, self._n))
-        samples = route.actuator_jacobian(np.vstack([home, near]), RowFailures())
+        samples = self._transfer(np.vstack([home, near]), RowFailures())
         return actuation_of(samples, *names)
 
     def _transfer(self, q: np.ndarray, failures: RowFailures) -> np.ndarray:
         """Rates of the actuated joints per independent velocity, (..., m, n)."""
-        if not self._directly_actuated:
+        if not self._directly_actuated and self._m:
             return self._route.actuator_jacobian(q, failures)
         selection = np.zeros((self._m, self._n))
         selection[np.arange(self._m), [self.joint_names.index(name) for name in self._route.actuator_joints]] = 1.0
@@ -620,6 +620,8 @@ class Leg:
         ------
         DescriptionError
             There is no such leg, or its foot is not clear.
+        ParameterError
+            The name or the foot is no text.
         """
         return self._recipe.of_part(name, foot).build()
 
@@ -1197,8 +1199,10 @@ class Leg:
             force = self._route.generalized_force(q, v, a, foot_force, gravity, failures)
             transfer = self._transfer(q, failures)
             rows = np.asarray(force).reshape(-1, n)
-            chosen = policy._replace(preload=np.asarray(wanted).reshape(-1, m))
-            parts = chosen.efforts(np.asarray(transfer).reshape(-1, m, n), rows, verdict, self.joint_names, failures)
+            # Not -1: without actuators an array has no numbers to count its rows by.
+            chosen = policy._replace(preload=np.asarray(wanted).reshape(len(rows), m))
+            samples = np.asarray(transfer).reshape(len(rows), m, n)
+            parts = chosen.efforts(samples, rows, verdict, self.joint_names, failures)
             return np.hstack(parts).reshape(*np.asarray(force).shape[:-1], m + n)
 
         whole = call.run(shared, (m + n,), "q", "v", "a", "foot_force", "gravity", "preload")

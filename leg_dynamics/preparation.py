@@ -151,8 +151,9 @@ def mode_of(description: Description, mode: str | Mapping[str, float]) -> tuple[
             for each in found:
                 if each.name == mode:
                     return tuple(each.coordinates.items())
+    named = (each.name + (f" ({', '.join(each.configurations)})" if each.configurations else "") for each in found)
     raise ParameterError(
         f"{description.name!r} has no assembly mode {mode!r}: those found at the home coordinates are "
-        f"{', '.join(each.name for each in found)}; another one is chosen by a mapping of joint coordinates",
+        f"{', '.join(named)}; another one is chosen by a mapping of joint coordinates",
         parameter="mode",
     )

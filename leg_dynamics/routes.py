@@ -329,8 +329,9 @@ def load(
         Threads that a large batch is split over by the routes ``closed_form`` and ``symbolic``; by default as many as
         pay, at most one a processor. Results do not depend on it.
     mode : str or mapping of str to float, optional
-        The assembly mode: a name that `Leg.assembly_modes` lists, or joint coordinates near one of its poses. Default:
-        that of the file's configuration ``home``. Not for closed forms, which know their mode.
+        The assembly mode: a name that `Leg.assembly_modes` lists, the name of a configuration of the file that lies in
+        it, or joint coordinates near one of its poses. Default: that of the file's configuration ``home``. Not for
+        closed forms, which know their mode.
 
     Returns
     -------
@@ -355,14 +356,14 @@ def load(
     """
     from leg_dynamics.description import read
 
-    origin = _source(source)
+    origin = source_of(source)
     named = origin if origin in available() else None
     if urdf is not None and named is None:
         raise RouteError(f"urdf= goes with a shipped name, one of {', '.join(available())}; got {origin[:80]!r}")
     if route is not None and route not in ROUTES:
         raise RouteError(f"route {route!r} does not exist: choose one of {', '.join(ROUTES)}")
     if urdf is not None:
-        origin = _source(urdf)
+        origin = source_of(urdf)
     overrides = dict(parameters or {})
     preparation = Preparation(trusted=named is not None)
     description = preparation.of(read(origin, parameters=overrides))
@@ -394,7 +395,7 @@ def _unknown_parameter(recipe: Recipe, name: object, numbers: Iterable[str]) -> 
     )
 
 
-def _source(source: Any) -> str:
+def source_of(source: Any) -> str:
     """A name, an absolute path or XML text: what later reads find again wherever the process has gone."""
     if not isinstance(source, (str, os.PathLike)):
         raise LegNotFoundError(f"a leg is a name, a path or XML text, not {type(source).__name__} {source!r}")

@@ -64,7 +64,7 @@ def test_info_shows_loops_modes_actuation_and_findings(written):
     facts = strict(run("info", written(motors=("mb",), foot=True), "--json").stdout)
     assert facts["passed"] is True
     assert facts["actuation"]["idle"] == ["ma"]
-    assert [mode["name"] for mode in facts["assembly_modes"]] == ["home", "mode_2"]
+    assert [mode["configurations"] for mode in facts["assembly_modes"]] == [["home"], []]
     assert facts["mobility"]["mobility"] == 2
 
 
@@ -118,9 +118,10 @@ def test_torque_of_idle_and_redundant_mechanisms(written, tmp_path):
 def test_torque_in_another_mode_and_through_the_toggle_point(written, tmp_path):
     inside = motion_file(tmp_path / "inside.csv", [1.9, 1.1], [2.0, 1.0])
     path = written()
+    name = ld.load(path).assembly_modes()[1].name
     own, other = (
         strict(run("torque", path, "--trajectory", inside, "--json", *options).stdout)
-        for options in ((), ("--mode", "mode_2"))
+        for options in ((), ("--mode", name))
     )
     assert own["actuators"][0]["peak"] != pytest.approx(other["actuators"][0]["peak"], rel=1e-3)
     through = motion_file(tmp_path / "through.csv", [math.pi - 1.2, 1.2], [math.pi - 0.5, 0.5], duration=2.0)
@@ -129,4 +130,45 @@ def test_torque_in_another_mode_and_through_the_toggle_point(written, tmp_path):
     assert "parallel singularity" in done.stderr
     time = float(done.stderr.split("at t = ")[1].split(" s")[0])
     assert 0.0 <= time - 2.0 * (1.2 - TOGGLE) / 0.7 <= 0.04 + 1e-9
-    assert run("torque", path, "--trajectory", inside, "--mode", "mode_7").exit_code == 2
+    assert run("torque", path, "--trajectory", inside, "--mode", "home").exit_code == 0
+    done = run("torque", path, "--trajectory", inside, "--mode", "mode_7")
+    assert done.exit_code == 2
+    assert f"{name};" in done.stderr
+    assert "(home)" in done.stderr
+
+
+def test_info_at_80_columns_shows_whole_names_and_what_is_in_use(written, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    path = written(foot=True)
+    text = path.read_text()
+    long = {name: f"front_left_upper_parallel_linkage_{name}_of_the_driven_side" for name in ("ma", "mb", "ka", "kb")}
+    for name, longer in long.items():
+        text = text.replace(f'"{name}"', f'"{longer}"')
+    path.write_text(text)
+    done = run("info", path)
+    assert done.exit_code == 0
+    assert "…" not in done.stdout
+    lines = done.stdout.splitlines()
+    title = next(number for number, line in enumerate(lines) if line.startswith("Assembly modes"))
+    rows = [line for line in lines[title:] if line.lstrip().startswith("mode_")]
+    assert rows[0].rstrip().endswith("in use")
+    # Folded, not cut: the pieces below each other give the name.
+    coordinates = next(number for number, line in enumerate(lines) if line.startswith("Independent coordinates"))
+    ends = [line.split()[0] for line in lines[coordinates:title] if line.split()]
+    assert all(any(name in "".join(ends[i : i + 6]) for i in range(len(ends))) for name in (long["ma"], long["mb"]))
+
+
+def test_info_and_torque_of_a_file_in_which_nothing_is_driven(written, tmp_path):
+    path = written(motors=())
+    path.write_text(path.read_text().replace('name="five_bar"', 'name="five_bar" driven="none"'))
+    done = run("info", path)
+    assert done.exit_code == 0
+    assert "under-actuated: no actuator holds ma, mb (2 motions, 0 actuators)" in done.stdout
+    assert "no-transmissions" not in done.stdout
+    table = motion_file(tmp_path / "motion.csv", [1.9, 1.1], [2.2, 0.9])
+    done = run("torque", path, "--trajectory", table)
+    assert done.exit_code == 2
+    assert "no actuator holds ma, mb" in done.stderr
+    result = strict(run("torque", path, "--trajectory", table, "--allow-idle", "--json").stdout)
+    assert result["actuators"] == []
+    assert set(result["unbalanced"]) == {"ma", "mb"}

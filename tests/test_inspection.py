@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import leg_dynamics as ld
-from leg_dynamics.errors import LegNotFoundError, MissingFootError, ParameterError
+from leg_dynamics.errors import DescriptionError, LegNotFoundError, MissingFootError, ParameterError
 from leg_dynamics.inspection import inspect
 
 from .five_bar import TOGGLE, five_bar
@@ -35,7 +35,7 @@ def test_the_shipped_legs_have_neither_errors_nor_warnings(name):
     assert report.passed
     assert codes(report, "error") | codes(report, "warning") == set()
     assert report.actuation.kind == "exact"
-    assert report.modes[0].name == "home"
+    assert report.modes[0].configurations[0] == "home"
 
 
 def test_counts_and_ranks_of_the_omnileg():
@@ -56,7 +56,7 @@ def test_a_planar_five_bar_has_three_redundant_rows_and_a_simpler_loop():
     (loop,) = report.loops
     assert (loop.rows, loop.needed, loop.redundant, loop.with_, loop.simpler) == (5, 2, 3, (), "spherical")
     note = finding(report, "redundant-loop-rows")
-    assert 'type="spherical"' in note.fix
+    assert 'type="spherical"> without its <axis>' in note.fix
     # The fix leaves the same mechanism.
     simpler = five_bar(foot=True).replace('name="pin" type="revolute"', 'name="pin" type="spherical"')
     after = inspect(simpler.replace('</successor><axis xyz="0 1 0"/></loop>', "</successor></loop>"))
@@ -82,7 +82,7 @@ def test_a_missing_pose_comes_with_one_to_copy():
     assert note.severity == "warning"
     mended = inspect(five_bar(home=False).replace("</robot>", note.fix + "</robot>"))
     assert "no-home" not in codes(mended)
-    assert mended.modes[0].name == "home"
+    assert mended.modes[0].configurations == ("home",)
     for name, value in report.modes[0].coordinates.items():
         assert mended.modes[0].coordinates[name] == pytest.approx(value, abs=1e-9)
 
@@ -103,6 +103,57 @@ def test_actuation_verdicts_name_joints():
     none = inspect(five_bar(()))
     fix = finding(none, "no-transmissions").fix
     assert inspect(five_bar(()).replace("</robot>", fix + "</robot>")).leg.actuator_names == ("motor_ma", "motor_mb")
+
+
+def serial(joints, motors="", attributes=""):
+    """A chain of hinges; in 3d, so that each moves for itself."""
+    body = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>'
+    return (
+        f'<robot name="r" {attributes}><link name="l0"/>'
+        + "".join(
+            f'<link name="l{k}">{body}</link><joint name="j&amp;{k}" type="revolute"><parent link="l{k - 1}"/>'
+            f'<child link="l{k}"/><origin xyz="0.1 0 0"/><axis xyz="{k % 2} 1 0"/>'
+            '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+            for k in range(1, joints + 1)
+        )
+        + motors
+        + "</robot>"
+    )
+
+
+def test_all_transmissions_that_are_missing_come_to_paste():
+    report = inspect(serial(9))
+    fix = finding(report, "no-transmissions").fix
+    mended = inspect(serial(9, fix))
+    assert mended.actuation.kind == "exact"
+    assert mended.leg.actuator_names == tuple(f"motor_j&{k}" for k in range(1, 10))
+    nothing = inspect(serial(9, attributes='driven="none"'))
+    assert "no-transmissions" not in codes(nothing)
+    assert nothing.actuation.idle == nothing.leg.joint_names
+
+
+def test_what_is_missing_in_mjcf_comes_as_mjcf(tmp_path):
+    pytest.importorskip("mujoco")
+    joints = "".join(
+        f'<body name="b{k}" pos=".1 0 0"><joint name="h{k}"/><geom type="sphere" size=".1"/>' for k in "pq"
+    )
+    model = f"<mujoco><worldbody>{joints}</body></body></worldbody>{{}}</mujoco>"
+    report = inspect(model.format(""))
+    fix = finding(report, "no-transmissions").fix
+    assert fix.startswith("<actuator><motor ")
+    mended = inspect(model.format(fix))
+    assert mended.leg.actuator_names == ("motor_hp", "motor_hq")
+    assert "no-transmissions" not in codes(mended)
+    for each in (*report.findings, *mended.findings):
+        assert not re.search("<transmission|<limit|<configuration|<loop|velocity=", each.fix), each
+    assert "2 driven joints without effort limits: hp, hq" in finding(mended, "no-effort-limits").text
+
+
+def test_warnings_of_a_relative_path_come_once(tmp_path, monkeypatch):
+    (tmp_path / "mine.urdf").write_text(serial(1).replace('ixx="0.01"', 'ixx="0.1"'), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    found = [each for each in inspect("mine.urdf").findings if each.code == "reading"]
+    assert [(each.line, "triangle inequality" in each.text) for each in found] == [(1, True)]
 
 
 def test_links_and_limits():
@@ -135,8 +186,11 @@ def test_loops_that_bind_nothing_and_links_that_look_like_loops():
     welded = five_bar(foot=True).replace('<successor link="b2">', '<successor link="foot">')
     report = inspect(welded)
     assert not report.passed
-    error = finding(report, "loop-binds-nothing")
+    error = finding(report, "description")
     assert (error.severity, error.line) == ("error", 1)
+    assert "binds nothing; name the two links" in error.text
+    with pytest.raises(DescriptionError, match="'pin' joins 'a2' and 'foot', which are one rigid body"):
+        ld.load(welded)
     open_chain = (
         '<robot name="r"><link name="base"/><link name="closedloop1_A"/><joint name="j" type="revolute">'
         '<parent link="base"/><child link="closedloop1_A"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>'

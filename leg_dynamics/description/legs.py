@@ -18,7 +18,7 @@ from leg_dynamics.description.model import Description, Joint
 from leg_dynamics.description.parse import build, driven_joints
 from leg_dynamics.description.topology import coupling_paths
 from leg_dynamics.description.xml_reader import Document, Node, nearest, read_root
-from leg_dynamics.errors import DescriptionError
+from leg_dynamics.errors import DescriptionError, ParameterError
 
 __all__ = ["LegPart", "leg_part", "legs_of", "part_of"]
 
@@ -28,6 +28,7 @@ _IDLE_WORDS = frozenset({"joint", "link", "jnt", "j"})
 _ROOT_ANCESTRY = ("floating", "planar")
 _TOKEN = re.compile(r"[A-Z]+(?=[A-Z][a-z])\d*|[A-Z]?[a-z]+\d*|[A-Z]+\d*|\d+")
 _START_TAG = re.compile(rb"""<[^\s/>]+(?:\s+[^\s=]+\s*=\s*(?:"[^"]*"|'[^']*'))*\s*(/?)>""")
+_DRIVEN = re.compile(r"""\sdriven\s*=\s*(?:"[^"]*"|'[^']*')""")
 _NAME = re.compile(r"""(?<=\s)name\s*=\s*(?:"[^"]*"|'[^']*')""")
 _SHOWN = 8
 
@@ -145,8 +146,17 @@ def part_of(description: Description, name: str, foot: str | None = None) -> Leg
     ------
     DescriptionError
         There is no such leg, the foot is no link of it, or several links are equally good feet and none is given.
+    ParameterError
+        The name or the foot is no text.
     """
     legs = legs_of(description)
+    for what, value, known in (("a leg", name, legs), ("a foot", "" if foot is None else foot, ())):
+        if not isinstance(value, str):
+            raise ParameterError(
+                f"{what} of {description.name!r} is asked for by its name, a text, not by {type(value).__name__} "
+                f"{value!r:.80}" + (f"; its legs: {', '.join(known)}" if known else ": foot= is the name of a link"),
+                parameter="name" if known else "foot",
+            )
     groups = _groups(description)
     alike = [leg for leg in legs.values() if leg.name.lower() == name.lower()]
     part = legs.get(name) or (alike[0] if len(alike) == 1 else None)
@@ -187,8 +197,8 @@ def leg_part(description: Description, name: str, foot: str | None = None) -> De
 
     It has the trunk's links and the leg's, under their names, with the loops, couplings, transmissions, limits,
     constraints and named poses among them. Its root is the trunk: gravity and foot quantities are in the trunk's frame,
-    or, where there is a link named ``hip``, in that link's. A leg that no transmission of the robot drives counts, like
-    any file without transmissions, as driven at its independent joints.
+    or, where there is a link named ``hip``, in that link's. Where the robot has transmissions and none of them is on
+    the leg alone, nothing drives the leg; where it has none, its independent joints are driven as the robot's are.
 
     Parameters
     ----------
@@ -379,7 +389,17 @@ def _reduced(description: Description, name: str, links: Iterable[str], joints: 
     root = read_root(text, Document(description.file))
     data = text.encode()
     spans = dict(zip(map(id, root.walk()), _spans(data), strict=True))
-    unwanted = [node for node in root.children if not _stays(node, links, joints)]
+    driven = {each.joint for each in description.transmissions} & joints
+
+    def drives(node: Node) -> bool:
+        return node.tag == "transmission" and any(each.attributes.get("name") in driven for each in driven_joints(node))
+
+    # A transmission to fixed joints was left out of the robot; alone in a part it would be taken for a mistake.
+    kept_nodes = [
+        node for node in root.children if _stays(node, links, joints) and (node.tag != "transmission" or drives(node))
+    ]
+    stays = {id(node) for node in kept_nodes}
+    unwanted = [node for node in root.children if id(node) not in stays]
     for node in root.children:
         if node.tag == "configuration" and _stays(node, links, joints):
             unwanted += [value for value in node.children if value.attributes.get("name") not in joints]
@@ -393,6 +413,10 @@ def _reduced(description: Description, name: str, links: Iterable[str], joints: 
     tag = _START_TAG.match(reduced, begin)
     assert tag is not None
     named = _NAME.sub(lambda _: f"name={quoteattr(name)}", tag[0].decode(), count=1)
+    if description.transmissions and not any(map(drives, kept_nodes)):
+        # Without its transmissions the part would count as driven at its independent joints.
+        named = _DRIVEN.sub("", named) if "driven" in root.attributes else named
+        named = _NAME.sub(lambda own: f'{own[0]} driven="none"', named, count=1)
     return (reduced[:begin] + named.encode() + reduced[tag.end() :]).decode()
 
 

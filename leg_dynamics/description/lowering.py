@@ -38,9 +38,9 @@ def turns(axes: str) -> tuple[Step, ...]:
 def replace_by_chain(root: ElementTree.Element, joint: ElementTree.Element, steps: Sequence[Step]) -> None:
     """Put a chain of joints in the place of one joint; without steps, weld it.
 
-    The first joint of the chain keeps the element, so its origin, parent, flags and other children; the others and
-    the massless links between follow behind it. Each is named after the joint, NAME_x, and the link that it carries
-    NAME_x_link. The last one carries the joint's child.
+    No joint of the chain is driven. The first one keeps the element, so its origin, parent, flags and other children;
+    the others and the massless links between follow behind it. Each is named after the joint, NAME_x, and the link that
+    it carries NAME_x_link. The last one carries the joint's child.
 
     Parameters
     ----------
@@ -61,6 +61,8 @@ def replace_by_chain(root: ElementTree.Element, joint: ElementTree.Element, step
     last = str(child.get("link"))
     copied = [each for each in joint if each.tag in ("limit", "dynamics")]
     flag = joint.get("independent")
+    # No motor drives a single coordinate of it.
+    joint.set("driven", "false")
     place = list(root).index(joint)
     for number, step in enumerate(steps):
         first, end = number == 0, last
@@ -78,6 +80,7 @@ def replace_by_chain(root: ElementTree.Element, joint: ElementTree.Element, step
             root.insert(place, this)
             if flag is not None:
                 this.set("independent", flag)
+            this.set("driven", "false")
             ElementTree.SubElement(this, "parent", link=f"{name}{steps[number - 1].suffix}_link")
             ElementTree.SubElement(this, "child", link=end)
             for each in copied:
@@ -107,8 +110,8 @@ def single_coordinate(description: Description) -> Description:
     Returns
     -------
     Description
-        With independent flags and limits of effort and speed carried over to each joint of a chain; the same object
-        where there is nothing to replace.
+        With independent flags and limits of effort and speed carried over to each joint of a chain, none of which is
+        driven; the same object where there is nothing to replace.
 
     Raises
     ------

@@ -19,6 +19,7 @@ import numpy as np
 
 from leg_dynamics.description.lowering import replace_by_chain, turns
 from leg_dynamics.description.mjcf import STANDARD_GRAVITY, has_mujoco
+from leg_dynamics.description.mjcf_guard import check_mjcf
 from leg_dynamics.description.model import Description, Joint
 from leg_dynamics.description.parse import build
 from leg_dynamics.description.xml_reader import Document, Node, read_root
@@ -27,6 +28,7 @@ from leg_dynamics.errors import UnsupportedError
 __all__ = ["build_mjcf", "is_mjcf", "mjcf_text"]
 
 _LINE = re.compile(r"\bline (\d+)")
+_UNOPENED = re.compile(r"Error opening file '([^']+)'")
 _SKIPPED = re.compile(r"\s*(<\?|<!--)")
 _ROOT = re.compile(r"\s*<mujoco(?=[\s/>])")
 _BALL_AXES = "xyz"
@@ -69,8 +71,13 @@ def build_mjcf(text: str, document: Document, path: Path | None = None) -> Descr
         As `mjcf_text`.
     """
     # Lines of the text that is made here are no lines of the file; what is odd about the model was said on the way.
-    made = replace(document, file=f"{document.file} as URDF+", quiet=True)
-    return replace(build(mjcf_text(text, document, path), made), file=document.file)
+    made = replace(document, lines={}, quiet=True)
+    built = build(mjcf_text(text, document, path), made)
+    ownless: dict[str, Any] = {
+        kind: tuple(replace(each, line=None) for each in getattr(built, kind))
+        for kind in ("links", "joints", "loops", "transmissions", "configurations")
+    }
+    return replace(built, dialect="MJCF", **ownless)
 
 
 def mjcf_text(text: str, document: Document, path: Path | None = None) -> str:
@@ -79,7 +86,9 @@ def mjcf_text(text: str, document: Document, path: Path | None = None) -> str:
     Bodies become links of the same names, the world is the root ``world``, and named sites are links fixed to their
     bodies. Several joints of one body are a chain about massless links. An actuator on a hinge or slide marks the joint
     as driven; what it can exert at the joint (gear included) is the joint's effort limit, with a reduction of 1, and
-    several on one joint add up. Connect and weld equalities become spherical and fixed loops, linear joint equalities
+    several on one joint add up. Where a model has actuators and none of them is on a hinge or slide that moves, nothing
+    is driven; a model without actuators does not say what is, and counts as driven at its independent hinges and
+    slides. Connect and weld equalities become spherical and fixed loops, linear joint equalities
     mimic joints, keyframes configurations (qpos0 is ``home`` where there is none). Contacts and shapes are left out.
 
     Parameters
@@ -108,14 +117,16 @@ def mjcf_text(text: str, document: Document, path: Path | None = None) -> str:
         For inactive equalities, actuators that drive no single joint, gravity other than 9.81 m/s² downwards, mocap
         bodies (fixed where they are), gravity compensation and fluids.
     """
-    _refuse_nan(read_root(text, document))
+    root = read_root(text, document)
+    _refuse_nan(root)
+    check_mjcf(root, document, path)
     if not has_mujoco():
         raise UnsupportedError(
             f"{document.file} is an MJCF model, and MuJoCo, which reads it, is not installed: "
             "pip install 'leg-dynamics[mujoco]'"
         )
     model, said = _compiled(text, document, path)
-    result = _Reader(model, document).text()
+    result = _Reader(model, document, root).text()
     for warning in said:
         document.warn(f"MuJoCo warns of the model: {warning}")
     return result
@@ -145,10 +156,27 @@ def _compiled(text: str, document: Document, path: Path | None) -> tuple[Any, li
         found = _LINE.search(message)
         # Of what line of which file MuJoCo does not say.
         line = None if found is None or "<include" in text else int(found[1])
-        raise document.error(f"MuJoCo refuses the model: {message}", line) from error
+        raise document.error(f"MuJoCo refuses the model: {message}{_advice(message, path)}", line) from error
     finally:
         mujoco.set_mju_user_warning(before)
     return model, [" ".join(warning.split()) for warning in dict.fromkeys(said)]
+
+
+def _advice(message: str, path: Path | None) -> str:
+    """What to do about a file that MuJoCo could not open; empty for all else that it says."""
+    found = _UNOPENED.search(message)
+    if found is None:
+        return ""
+    if path is None:
+        return (
+            f"; the model is text, which has no folder to look for {found[1]!r} in: save it beside its files and load "
+            "it by its path"
+        )
+    return (
+        f"; looked for at {path.absolute().parent / found[1]}: put the file there, or correct its file=, or the "
+        "meshdir, texturedir or assetdir of <compiler>; a mesh that is only drawn can be deleted with its <geom>, if "
+        "the body has an <inertial>"
+    )
 
 
 @dataclass(frozen=True)
@@ -177,10 +205,11 @@ class _Names:
 class _Reader:
     """One compiled model on its way to URDF+."""
 
-    def __init__(self, model: Any, document: Document) -> None:
+    def __init__(self, model: Any, document: Document, source: Node) -> None:
         import mujoco
 
         self.mj = mujoco
+        self.source = source
         self.model = model
         self.document = document
         self.root = ElementTree.Element("robot", name=self._model_name())
@@ -200,6 +229,8 @@ class _Reader:
         self._refuse_forces()
         self._read_joint_equalities()
         efforts, driven = self._actuators()
+        if self._actuator_count() and not driven:
+            self.root.set("driven", "none")
         for body in range(self.model.nbody):
             self._add_link(body)
             if body > 0:
@@ -232,13 +263,26 @@ class _Reader:
                 bad = np.flatnonzero(~np.isfinite(values.reshape(len(values), math.prod(values.shape[1:]))).all(axis=1))
                 if bad.size:
                     number = int(self.model.dof_jntid[bad[0]] if prefix == "dof" else bad[0])
-                    raise self.document.error(f"{field} of {self._name_of(kind, number, what)} is not finite")
+                    line = self._line_of(kind, number, what)
+                    raise self.document.error(f"{field} of {self._name_of(kind, number, what)} is not finite", line)
         for joint, start in enumerate(self.model.jnt_qposadr):
             if not math.isfinite(self.model.qpos0[start]):
                 name = self._name_of(objects.mjOBJ_JOINT, joint, "joint")
                 raise self.document.error(f"the coordinate of {name} in the file's pose (ref) is not finite")
 
     # names
+
+    def _line_of(self, kind: Any, number: int, what: str) -> int | None:
+        """The file's line of a named body, joint, equality, ..., None where this file has no such name."""
+        name = self.mj.mj_id2name(self.model, kind, number)
+        section = {"equality": "equality", "actuator": "actuator", "keyframe": "keyframe"}.get(what, "worldbody")
+        lines = [
+            node.line
+            for part in self.source.all(section)
+            for node in part.walk()
+            if name and node.attributes.get("name") == name and (section != "worldbody" or node.tag == what)
+        ]
+        return lines[0] if len(lines) == 1 else None
 
     def _given(self, kind: Any, count: int) -> list[str]:
         names = (self.mj.mj_id2name(self.model, kind, number) or "" for number in range(count))
@@ -297,7 +341,8 @@ class _Reader:
         return values.reshape(count, math.prod(values.shape[1:])).max(axis=1, initial=0.0)
 
     def _refuse(self, message: str, **evidence: Any) -> UnsupportedError:
-        return UnsupportedError(f"{self.document.file}: {message}", file=self.document.file, **evidence)
+        place = self.document.file if evidence.get("line") is None else f"{self.document.file}:{evidence['line']}"
+        return UnsupportedError(f"{place}: {message}", file=self.document.file, **evidence)
 
     def _refuse_forces(self) -> None:
         model, objects = self.model, self.mj.mjtObj
@@ -423,6 +468,7 @@ class _Reader:
                 f"{self._equality_name(number)} is not linear (polycoef {constant:g} {slope:g} "
                 f"{' '.join(f'{value:g}' for value in higher)}): only the first two coefficients can be expressed",
                 equality=number,
+                line=self._line_of(self.mj.mjtObj.mjOBJ_EQUALITY, number, "equality"),
             )
         start = constant + self._zero(first)
         if second < 0 or slope == 0.0:

@@ -51,6 +51,7 @@ _COORDINATES = {
     "floating": ("_x", "_y", "_z", "_yaw", "_pitch", "_roll"),
     "planar": ("_x", "_y", "_yaw"),
 }
+DRIVEN = ("independent", "none")
 LOOP_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "spherical", "universal")
 
 _Value = TypeVar("_Value")
@@ -172,6 +173,8 @@ class Joint:
     `armature` is inertia that turns (kg·m²) or slides (kg) with the joint's own speed, beside that of the links and of
     transmissions' rotors.
     `independent` is what the file states (true by default); fixed and mimicking joints are never independent.
+    `driven` is whether a motor may drive it where the file has no transmissions; a joint of several coordinates, or one
+    of the chain that it became, is never driven.
     """
 
     name: str
@@ -188,6 +191,7 @@ class Joint:
     mimic: Mimic | None = None
     line: int | None = None
     armature: float = 0.0
+    driven: bool = True
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -360,7 +364,9 @@ class Description:
 
     Build one with `leg_dynamics.description.read` or `parse`; the constructor itself does not validate.
     Equality and hashing go by content (`urdf` text), so a description can key a cache. `file` is where error
-    messages point, `source` the xacro file behind it, if any.
+    messages point, `source` the xacro file behind it, if any. `driven` is what motors drive where there are no
+    transmissions: ``independent`` joints, or ``none`` (the file's ``<robot driven="none">``).
+    `dialect` is the language of the file that was read, ``URDF+`` or ``MJCF``; what is made from it is URDF+.
     """
 
     name: str
@@ -377,6 +383,8 @@ class Description:
     cones: tuple[Cone, ...] = ()
     telescopes: tuple[Telescope, ...] = ()
     clearances: tuple[Clearance, ...] = ()
+    driven: str = DRIVEN[0]
+    dialect: str = "URDF+"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", _read_only(self.parameters))

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import gc
 import math
+import posixpath
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
+from urllib.parse import unquote
 
 from leg_dynamics.description.constraints import CONSTRAINT_TAGS, read_clearance, read_cone, read_telescopes
 from leg_dynamics.description.model import (
+    DRIVEN,
     JOINT_TYPES,
     LOOP_TYPES,
     Clearance,
@@ -52,6 +55,12 @@ _SHORTEST_AXIS = 1e-9
 _MOMENTS = ("ixx", "iyy", "izz")
 # The product of a mass and two lengths of that size is still a number.
 _LARGEST = 1e100
+# rad: beyond, nothing is left of an angle's digits once turns are taken off.
+_LARGEST_ANGLE = 1e6
+_ANGLES = ("_yaw", "_pitch", "_roll")  # coordinates of joints that have several
+_SEVERAL = frozenset(kind for kind in JOINT_TYPES if len(Joint("", kind, "", "").coordinates) > 1)
+# Folders that a relative mesh name may climb: a robot's urdf/ lies beside its meshes/, seldom deeper.
+_MOST_CLIMBS = 3
 
 _NAMED = 5  # joints that one warning names
 # Of `pr2_mechanism`, the format before ROS's transmission_interface.
@@ -138,6 +147,7 @@ def _build(text: str, document: Document, parameters: Mapping[str, Parameter]) -
     elements = _sorted_by_tag(root)
     colours = _named_colours(elements["link"], elements["material"])
     links = _unique(elements["link"], lambda node: _link(node, colours))
+    _check_mesh_names(elements["link"], document)
     if not links:
         raise root.error("the file has no <link>")
     joints = _unique(elements["joint"], lambda node: _joint(node, links))
@@ -146,7 +156,7 @@ def _build(text: str, document: Document, parameters: Mapping[str, Parameter]) -
     loops = _unique(elements["loop"], lambda node: _loop(node, links))
     couplings = _unique(elements["coupling"], lambda node: _coupling(node, links))
     transmissions = _transmissions(elements["transmission"], joints, document)
-    several = {name: joint for joint in joints.values() if len(joint.coordinates) > 1 for name in joint.coordinates}
+    several = {name: joint for joint in joints.values() if joint.type in _SEVERAL for name in joint.coordinates}
     configurations = _unique(elements["configuration"], lambda node: _configuration(node, joints, several))
     cones = _unique(elements["cone"], lambda node: read_cone(node, links))
     telescopes = read_telescopes(elements["telescope"], joints)
@@ -166,7 +176,21 @@ def _build(text: str, document: Document, parameters: Mapping[str, Parameter]) -
         cones=tuple(cones.values()),
         telescopes=telescopes,
         clearances=tuple(clearances.values()),
+        driven=_driven(root, transmissions),
     )
+
+
+def _driven(root: Node, transmissions: Sequence[Transmission]) -> str:
+    """What motors drive where there are no transmissions, see `Description`."""
+    if "driven" not in root.attributes:
+        return DRIVEN[0]
+    driven = _choice(root, "driven", DRIVEN)
+    if driven == "none" and transmissions:
+        raise root.error(
+            f'{root.label} states driven="none" and has a transmission on joint {transmissions[0].joint!r}: delete one'
+            " of the two"
+        )
+    return driven
 
 
 def _sorted_by_tag(root: Node) -> dict[str, list[Node]]:
@@ -333,13 +357,56 @@ def _geometry(node: Node) -> Geometry | None:
     return None
 
 
+def _check_mesh_names(links: Iterable[Node], document: Document) -> None:
+    """Refuse names that climb where no mesh of a robot lies; one warning for those that only this machine may have."""
+    shapes = (shape for link in links for tag in ("visual", "collision") for shape in link.all(tag))
+    meshes = (mesh for shape in shapes for geometry in shape.all("geometry") for mesh in geometry.all("mesh"))
+    fixed: list[Node] = []
+    folder = posixpath.dirname(document.file.replace("\\", "/"))
+    for mesh in meshes:
+        name = mesh.attributes.get("filename", "")
+        scheme, colon, place = name.partition("://")
+        if not colon:
+            scheme, place = "", name
+        elif scheme in ("package", "file"):
+            place = unquote(place)
+        place = place.replace("\\", "/")
+        if scheme == "package":  # of any name or, as CAD exporters write, of none
+            place = place.partition("/")[2].lstrip("/")
+        place = posixpath.normpath(place)
+        if scheme == "package" and place.split("/")[0] == "..":
+            raise mesh.error(
+                f"mesh {name[:80]!r} leaves its package: write package://NAME/PATH with a path inside the package"
+            )
+        if scheme not in ("", "file"):
+            continue
+        climbs = place.split("/").count("..")
+        if climbs > _MOST_CLIMBS:
+            raise mesh.error(
+                f"mesh {name[:80]!r} climbs {climbs} folders, the most is {_MOST_CLIMBS}: put the meshes into a folder "
+                "beside the file's, or name them by package://"
+            )
+        if (scheme or place.startswith("/")) and not (folder and place.startswith(f"{folder}/")):
+            fixed.append(mesh)
+    if fixed:
+        document.warn(
+            f"mesh {fixed[0].attributes['filename'][:80]!r} and {len(fixed) - 1} more lie at absolute paths outside "
+            "the file's folder, which other machines do not have: name them by package://, or relative to the file",
+            fixed[0].line,
+        )
+
+
 def _joint(node: Node, links: Mapping[str, Link]) -> Joint:
     kind = _choice(node, "type", JOINT_TYPES)
     # A fixed joint has no coordinate to mimic with.
-    mimic = None if kind == "fixed" else _mimic(node.at_most_one("mimic"))
-    independent = _independent(node)
+    mimic = None if kind == "fixed" else _mimic(node.at_most_one("mimic"), kind)
+    independent = _flag(node, "independent")
     if mimic is not None and independent:
         node.document.warn(f'{node.label} mimics {mimic.joint!r}: independent="true" is ignored', node.line)
+    driven = _flag(node, "driven")
+    several = kind in _SEVERAL
+    if several and driven:
+        node.document.warn(f'{node.label} is {kind}, which no motor drives: driven="true" is ignored', node.line)
     dynamics = node.at_most_one("dynamics")
     return Joint(
         name=node.required("name"),
@@ -357,23 +424,32 @@ def _joint(node: Node, links: Mapping[str, Link]) -> Joint:
         mimic=mimic,
         line=node.line,
         armature=0.0 if dynamics is None else _non_negative(dynamics, "armature", 0.0),
+        driven=not several and driven is not False,
     )
 
 
-def _independent(node: Node) -> bool | None:
-    """The ``independent`` flag, None where it is not stated."""
-    if "independent" not in node.attributes:
+def _flag(node: Node, attribute: str) -> bool | None:
+    """The ``independent`` or ``driven`` flag of a joint, None where it is not stated."""
+    if attribute not in node.attributes:
         return None
-    value = node.attributes["independent"]
+    value = node.attributes[attribute]
     if value.lower() not in ("true", "false"):
-        raise node.error(f"independent of {node.label} must be true or false, got {value[:80]!r}")
+        raise node.error(f"{attribute} of {node.label} must be true or false, got {value[:80]!r}")
     return value.lower() == "true"
 
 
-def _mimic(node: Node | None) -> Mimic | None:
+def _mimic(node: Node | None, kind: str) -> Mimic | None:
     if node is None:
         return None
-    return Mimic(node.required("joint"), node.number("multiplier", 1.0), node.number("offset", 0.0))
+    multiplier, offset = node.number("multiplier", 1.0), node.number("offset", 0.0)
+    _computable(node, "multiplier", multiplier)
+    most, unit = (_LARGEST, "m") if kind == "prismatic" else (_LARGEST_ANGLE, "rad")
+    if abs(offset) > most:
+        raise node.error(
+            f"offset of <mimic> is {offset:g} {unit}, too large to compute with, the most is {most:g} {unit}: "
+            "check the unit"
+        )
+    return Mimic(node.required("joint"), multiplier, offset)
 
 
 def _limits(joint: Node, kind: str) -> JointLimits:
@@ -592,7 +668,7 @@ def _configuration(node: Node, joints: Mapping[str, Joint], several: Mapping[str
     values: dict[str, float] = {}
     for value in node.all("joint"):
         name = value.required("name")
-        if name in joints and len(joints[name].coordinates) > 1:
+        if name in joints and joints[name].type in _SEVERAL:
             raise value.error(
                 f"joint {name!r} is {joints[name].type}: give its coordinates {', '.join(joints[name].coordinates)}"
             )
@@ -601,4 +677,11 @@ def _configuration(node: Node, joints: Mapping[str, Joint], several: Mapping[str
         if name in values:
             raise value.error(f"{node.label} gives joint {name!r} two values")
         values[name] = value.number("value")
+        slides = joints[name].type == "prismatic" if name in joints else not name.endswith(_ANGLES)
+        most, unit = (_LARGEST, "m") if slides else (_LARGEST_ANGLE, "rad")
+        if abs(values[name]) > most:
+            raise value.error(
+                f"{node.label} has joint {name!r} at {values[name]:g} {unit}, too large to compute with, the most is "
+                f"{most:g} {unit}: check the unit"
+            )
     return Configuration(node.required("name"), values, node.line)

@@ -179,6 +179,9 @@ def independent_joints(description: Description) -> tuple[str, ...]:
 def actuated_joints(description: Description) -> tuple[str, ...]:
     """Names of the actuated joints: those of the transmissions in file order, else the independent joints.
 
+    Of the independent joints those are left out that state ``driven="false"`` and those that stand for a floating or
+    planar joint, which no motor drives; all are where the file states ``<robot driven="none">``.
+
     Parameters
     ----------
     description : Description
@@ -187,7 +190,7 @@ def actuated_joints(description: Description) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Joint names.
+        Joint names; empty where nothing is driven.
 
     Warns
     -----
@@ -196,4 +199,6 @@ def actuated_joints(description: Description) -> tuple[str, ...]:
     """
     if description.transmissions:
         return tuple(transmission.joint for transmission in description.transmissions)
-    return independent_joints(description)
+    if description.driven == "none":
+        return ()
+    return tuple(name for name in independent_joints(description) if description.joint(name).driven)

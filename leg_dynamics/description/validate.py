@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from leg_dynamics.description.model import Description, Joint, Link, Telescope
-from leg_dynamics.description.topology import coupling_equation, coupling_paths
+from leg_dynamics.description.topology import coupling_equation, coupling_paths, joints_depth_first
 from leg_dynamics.description.xml_reader import Document, nearest
 
 __all__ = ["validate"]
@@ -41,6 +41,7 @@ def validate(description: Description, document: Document) -> None:
     """
     check_tree(description, document)
     check_mimics(description, document)
+    check_loops(description, document)
     check_couplings(description, document)
     check_transmissions(description, document)
     warn_about_inertia(description, document)
@@ -120,6 +121,24 @@ def check_mimic(joint: Joint, mimicked: str, joints: dict[str, Joint], document:
             )
 
 
+def check_loops(description: Description, document: Document) -> None:
+    """The two ends of a loop are on links that can move against each other."""
+    if not description.loops:
+        return
+    body = {description.root: description.root}
+    for joint in joints_depth_first(description):
+        body[joint.child] = body[joint.parent] if joint.type == "fixed" else joint.child
+    for loop in description.loops:
+        first, second = loop.predecessor.link, loop.successor.link
+        if body[first] == body[second]:
+            raise document.error(
+                f"loop {loop.name!r} joins {first!r} and {second!r}, which are one rigid body, as only fixed joints "
+                "lie between them: it binds nothing; name the two links that meet in the loop joint, or delete the "
+                "loop",
+                loop.line,
+            )
+
+
 def check_couplings(description: Description, document: Document) -> None:
     """A coupling relates at least one coordinate, and only joints with one coordinate lie on its paths."""
     related = 0
@@ -152,7 +171,7 @@ def check_couplings(description: Description, document: Document) -> None:
 
 
 def check_transmissions(description: Description, document: Document) -> None:
-    """No joint is driven twice, no actuator drives twice, and the rotor felt at the joint is a finite number."""
+    """No joint is driven twice or against its flag, no actuator drives twice, and a rotor at its joint is finite."""
     by_joint: dict[str, str] = {}
     by_actuator: dict[str, str] = {}
     for each in description.transmissions:
@@ -162,6 +181,12 @@ def check_transmissions(description: Description, document: Document) -> None:
                     f"{kind} {name!r} has two transmissions, {owners[name]!r} and {each.name!r}", each.line
                 )
             owners[name] = each.name
+        if not description.joint(each.joint).driven:
+            raise document.error(
+                f'transmission {each.name!r} drives joint {each.joint!r}, which states driven="false": delete one of '
+                "the two",
+                each.line,
+            )
         # The bare square too: the routes take it before they know the rotor's inertia. A power would raise.
         square = each.reduction * each.reduction
         if not (math.isfinite(square) and math.isfinite(square * each.rotor_inertia)):

@@ -6,7 +6,7 @@ import difflib
 import itertools
 import math
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 from xml.parsers import expat
@@ -17,7 +17,7 @@ __all__ = ["MAX_DEPTH", "Document", "Node", "nearest", "read_root"]
 
 MAX_DEPTH = 64  # URDF+ itself needs 5
 # A thousand times what a robot has: beyond, a file is an attack, or a mistake that would take minutes to name.
-MAX_ELEMENTS = 500_000
+MAX_ELEMENTS = 400_000
 MAX_CHILDREN = 150_000
 """Of the root: links, joints and all else that a mechanism consists of."""
 MAX_WORD = 4096
@@ -49,20 +49,30 @@ class Document:
     """The parameter values that a caller gave, as `shown_overrides` says them."""
     quiet: bool = False
     """Whether all warnings were given before, of the text that this one was made from."""
+    lines: Mapping[int, int] | None = None
+    """For a text that was made from the file: the file's own lines by those of the text, as far as they are known."""
+
+    def own_line(self, line: int | None) -> int | None:
+        """The line of the file for one of the text, None where there is none."""
+        return line if self.lines is None or line is None else self.lines.get(line)
 
     def _suffix(self) -> str:
+        if self.lines is not None:
+            return " (of the model as URDF+)"
         return f" (rendered from {self.source}{self.overrides})" if self.source else ""
 
     def error(
         self, message: str, line: int | None = None, *, kind: type[DescriptionError] | None = None
     ) -> DescriptionError:
         """The error to raise, naming file and line."""
+        line = self.own_line(line)
         return (kind or self.kind)(f"{message}{self._suffix()}", file=self.file, line=line, source=self.source)
 
     def warn(self, message: str, line: int | None = None) -> None:
         """Warn, naming file and line."""
         if self.quiet:
             return
+        line = self.own_line(line)
         place = self.file if line is None else f"{self.file}:{line}"
         warnings.warn(f"{place}: {message}{self._suffix()}", LegDynamicsWarning, stacklevel=2)
 

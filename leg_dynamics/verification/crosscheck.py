@@ -66,6 +66,7 @@ def crosscheck(
         Random states to compare at, with the corners of the domain and near-zero coordinates among them. States at
         which the loops cannot be closed do not count, up to 20 times as many.
     seed : int
+        Of the random states and inertias, at least 0.
     progress : callable, optional
         Called with (what is being checked, share done in 0..1).
     tolerance : float, optional
@@ -84,9 +85,9 @@ def crosscheck(
     ShapeError
         `samples` is not a positive whole number.
     ParameterError
-        Load options were given with a leg that is loaded already; `against` is a number; own formulas are no object
-        with methods of the interface, or state coordinates, equations or a gravity that do not fit; a tolerance was
-        given without them or is not a positive number.
+        `seed` is not a whole number, or is negative; load options were given with a leg that is loaded already;
+        `against` is a number; own formulas are no object with methods of the interface, or state coordinates,
+        equations or a gravity that do not fit; a tolerance was given without them or is not a positive number.
     MissingFootError
         Own formulas have a foot and the leg they are held against names none.
     AssemblyError
@@ -96,8 +97,14 @@ def crosscheck(
     """
     if isinstance(samples, bool) or not isinstance(samples, (int, np.integer)) or samples < 1:
         raise ShapeError(f"samples must be a whole number, at least 1, got {samples!r}")
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ParameterError(
+            f"seed must be a whole number, at least 0, got {seed!r}: any such number draws other states, such as "
+            "seed=0",
+            parameter="seed",
+        )
     if against is not None:
-        return _own_formulas(leg, against, int(samples), seed, progress, tolerance, load_options)
+        return _own_formulas(leg, against, int(samples), int(seed), progress, tolerance, load_options)
     if tolerance is not None:
         raise ParameterError(
             f"tolerance={tolerance!r} goes with own formulas, crosscheck(leg, against): that between routes is "
@@ -115,7 +122,7 @@ def crosscheck(
     if given.transmission != "exact":
         name = f"{name}, transmission {given.transmission!r}"
     legs = [given if route == given.route else sibling(given, route) for route in routes_of(given)]
-    return crosscheck_legs(legs, name, int(samples), seed, progress)
+    return crosscheck_legs(legs, name, int(samples), int(seed), progress)
 
 
 def _own_formulas(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["LEAST_STATES", "Entries", "agree", "diagnose"]
+__all__ = ["LEAST_STATES", "Entries", "agree", "diagnose", "orders"]
 
 LEAST_STATES = 5
 """Fewer states fit anything."""
@@ -170,17 +170,18 @@ def _exchanges(reference: np.ndarray, entries: Entries) -> Iterator[tuple[str, n
         yield "the matrix is transposed", reference.swapaxes(1, 2)
     for axis, names in reversed(list(enumerate(entries.axes))):
         word = ("rows", "columns")[axis] if len(shape) == 2 else "entries"
-        for order in _orders(len(names)):
+        for order in orders(len(names)):
             moved = [names[i] for i, j in enumerate(order) if i != j]
             what = "are exchanged" if len(moved) == 2 else "are in another order"
             yield f"the {word} {', '.join(moved)} {what}", reference.take(order, axis=axis + 1)
 
 
-def _orders(count: int) -> Iterable[tuple[int, ...]]:
+def orders(count: int) -> Iterable[tuple[int, ...]]:
+    """Every other order of a few places, those that move the fewest first; of many, the exchanges of two."""
     straight = tuple(range(count))
     if count <= LARGEST_PERMUTED:
-        orders = [order for order in itertools.permutations(straight) if order != straight]
-        return sorted(orders, key=lambda order: sum(i != j for i, j in enumerate(order)))
+        others = [order for order in itertools.permutations(straight) if order != straight]
+        return sorted(others, key=lambda order: sum(i != j for i, j in enumerate(order)))
     swapped = []
     for i, j in itertools.combinations(straight, 2):
         order = list(straight)

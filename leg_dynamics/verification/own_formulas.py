@@ -2,8 +2,9 @@
 
 The formulas are an object with any of the interface's methods (`METHODS`), in the interface's units and frames: SI,
 radians, the hip frame. Each is called with one state at a time, arrays of shape (n,) or (3,), so that formulas written
-with `math` will do. Arguments `foot_force` and `gravity` are passed by name where a method's signature has them. The
-object may also have
+with `math` will do. Arguments `foot_force` and `gravity` are passed by name where a method's signature has them;
+`foot_force` also where it takes any name (``**options``). A foot force that a method has no argument of that name for
+is not compared, and a note says so. The object may also have
 
 * ``joint_names``: the independent coordinates in its own order, where that is not the file's;
 * ``actuator_names``: the order of its torques, where it is neither that of its joint names nor the file's;
@@ -19,6 +20,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 import inspect
 import itertools
 import os
@@ -26,6 +28,7 @@ import re
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -33,7 +36,7 @@ import numpy as np
 from leg_dynamics.errors import LegDynamicsError, MissingFootError, ParameterError
 from leg_dynamics.leg import Leg
 from leg_dynamics.verification.comparison import ROUTE_TOLERANCE, Progress, on_one_sheet, relative
-from leg_dynamics.verification.diagnosis import Entries, agree, diagnose
+from leg_dynamics.verification.diagnosis import Entries, agree, diagnose, orders
 from leg_dynamics.verification.first_principles import DIFFERENCE_TOLERANCE, gradient, loop_residual, slope
 from leg_dynamics.verification.report import OWN_GROUP, Check, OwnCheck, OwnFormulasReport
 from leg_dynamics.verification.states import ROOM_SHARE, States, smallest_singular_values, with_room
@@ -146,11 +149,24 @@ class _Inputs:
 
 
 @dataclass(frozen=True)
+class _Raised:
+    """What a method gave no number for: its exception with the code that this came through, innermost first.
+
+    A result of no use has no kind and no code.
+    """
+
+    kind: str
+    text: str
+    codes: tuple[CodeType, ...] = ()
+
+
+@dataclass(frozen=True)
 class _Values:
     """Results of one method at N states, NaN where it gave none, and what it gave instead."""
 
     array: np.ndarray
     complaint: str = ""
+    raised: tuple[_Raised, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -159,6 +175,8 @@ class _Method:
     signature: inspect.Signature | None
     options: frozenset[str]
     required: frozenset[str]
+    any_name: bool = False
+    """Whether it takes arguments of any name, so that only a call shows whether it takes one of the options."""
 
 
 class OwnFormulas:
@@ -201,6 +219,7 @@ class OwnFormulas:
         self.order, self.actuator_order = self._orders(own)
         self.equations = self._equations(own)
         self.gravity = self._gravity(own)
+        self.codes = self._codes()
 
     def _methods(self, own: Any) -> Iterator[tuple[str, _Method]]:
         for name in METHODS:
@@ -221,7 +240,38 @@ class OwnFormulas:
             if "gravity" in options and isinstance(named["gravity"].default, (int, float)):
                 self.notes.append(f"gravity of {name} is a number, so that it was not tilted")
                 options.discard("gravity")
-            yield name, _Method(function, signature, frozenset(options), frozenset(required))
+            any_name = any(each.kind is inspect.Parameter.VAR_KEYWORD for each in named.values())
+            any_name = any_name and "foot_force" in possible and "foot_force" not in named
+            if any_name:
+                options.add("foot_force")
+            elif "foot_force" in possible and "foot_force" not in options and self.reference.foot is not None:
+                self._note_foot_force(name, signature)
+            yield name, _Method(function, signature, frozenset(options), frozenset(required), any_name)
+
+    def _note_foot_force(self, name: str, signature: inspect.Signature | None) -> None:
+        """Say that a foot force was not compared where one may be meant."""
+        if signature is None:
+            self.notes.append(f"foot force was not compared in {name}: the names of its arguments cannot be read")
+            return
+        arguments = [
+            ("*" if each.kind is inspect.Parameter.VAR_POSITIONAL else "") + each.name
+            for each in signature.parameters.values()
+        ]
+        # Without further arguments forward dynamics is whole, and the torque has the force.
+        if name != "acceleration" or len(arguments) > len(_arguments(name)) or "*" in "".join(arguments):
+            self.notes.append(
+                f"foot force was not compared in {name}: no argument of {name}({', '.join(arguments)}) is called "
+                "foot_force"
+            )
+
+    def _codes(self) -> dict[CodeType, str]:
+        """The method that each piece of code belongs to; none for code that several methods share."""
+        found: dict[CodeType, list[str]] = {}
+        for name, method in self.methods.items():
+            code = _code(method.function)
+            if code is not None:
+                found.setdefault(code, []).append(name)
+        return {code: names[0] for code, names in found.items() if len(names) == 1}
 
     def _orders(self, own: Any) -> tuple[np.ndarray, np.ndarray]:
         """Places in the reference's joints and actuators of the object's own ones."""
@@ -351,6 +401,7 @@ class OwnFormulas:
         rows: list[np.ndarray | None] = []
         complaints: dict[str, list[int]] = {}
         messages: dict[str, str] = {}
+        raised: dict[_Raised, None] = {}
         # A signature that does not take the arguments is one finding, not an exception of the formulas.
         if method.signature is not None:
             try:
@@ -369,8 +420,10 @@ class OwnFormulas:
                 value = np.array(read(result), dtype=float)
             except _UnusableError as error:
                 kind, message = str(error), str(error)
-            except Exception as error:
+                raised[_Raised("", message)] = None
+            except (Exception, SystemExit) as error:  # formulas that end the process are no reason to end it
                 kind, message = type(error).__name__, f"raised {type(error).__name__}: {error}{_line(error)}"
+                raised[_Raised(kind, str(error), _way(error))] = None
             rows.append(value)
             if value is None:
                 complaints.setdefault(kind, []).append(row)
@@ -385,7 +438,7 @@ class OwnFormulas:
             + ", ".join(f"{joint} = {x:.6g}" for joint, x in zip(joints, q[where[0]], strict=True))
             for kind, where in complaints.items()
         ]
-        return _Values(array, "; ".join(texts))
+        return _Values(array, "; ".join(texts), tuple(raised))
 
 
 class _UnusableError(Exception):
@@ -395,7 +448,7 @@ class _UnusableError(Exception):
 def _attribute(own: Any, name: str) -> Any:
     try:
         return getattr(own, name, None)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ParameterError(
             f"{name} of {type(own).__name__} cannot be read: {type(error).__name__}: {error}", parameter=name
         ) from error
@@ -453,7 +506,27 @@ def _read(value: Any, shape: tuple[int, ...]) -> np.ndarray:
     return array
 
 
-def _line(error: Exception) -> str:
+def _code(function: Callable[..., Any]) -> CodeType | None:
+    """The Python code that a function runs, without what wraps it."""
+    while isinstance(function, functools.partial):
+        function = function.func
+    try:
+        function = inspect.unwrap(function)
+    except ValueError:  # wraps itself
+        return None
+    code = getattr(function, "__code__", None)
+    if code is None:  # an object that can be called
+        code = getattr(getattr(function, "__call__"), "__code__", None)  # noqa: B004, B009
+    return code if isinstance(code, CodeType) else None
+
+
+def _way(error: BaseException) -> tuple[CodeType, ...]:
+    """The code that an exception came through below the call of the method, innermost first, each once."""
+    frames = [frame.f_code for frame, _ in traceback.walk_tb(error.__traceback__)][1:]
+    return tuple(dict.fromkeys(reversed(frames)))
+
+
+def _line(error: BaseException) -> str:
     """Last line of the formulas' own file that an exception came through."""
     frames = traceback.extract_tb(error.__traceback__)[1:]
     if not frames:
@@ -567,6 +640,7 @@ class _Comparison:
         self.inputs = _Inputs(states.q, states.v, states.a, tau, gravity)
         self.cases: dict[Key, _Case] = {}
         self.not_compared: dict[str, str] = {}
+        self.raised: dict[Key, tuple[_Raised, ...]] = {}
 
     def report(self, samples: int, seed: int, counts: tuple[int, int]) -> OwnFormulasReport:
         formulas = self.formulas
@@ -617,6 +691,9 @@ class _Comparison:
             except LegDynamicsError as error:
                 self.not_compared[name] = str(error)
                 own = self.formulas.values(name, inputs, with_gravity=variant == "gravity")
+                if variant and self._not_taken(name, variant, own):
+                    continue
+                self.raised[name, variant] = own.raised
                 self.cases[name, variant] = _Case((name, variant), inputs, own.array, own.array, own.complaint)
                 if own.complaint:
                     yield self._check(self.cases[name, variant], quantity.title + _VARIANTS[variant])
@@ -627,10 +704,25 @@ class _Comparison:
                 continue
             inputs = every.take(known)
             own = self.formulas.values(name, inputs, with_gravity=variant == "gravity")
+            if variant and self._not_taken(name, variant, own):
+                continue
+            self.raised[name, variant] = own.raised
             case = _Case((name, variant), inputs, own.array, reference[known], own.complaint)
             self.cases[case.key] = case
             check = self._check(case, quantity.title + _VARIANTS[variant])
             yield check if check.passed else replace(check, diagnosis=tuple(self._diagnoses(quantity, case)))
+
+    def _not_taken(self, name: str, option: str, own: _Values) -> bool:
+        """Note that a method which takes any name hands an option on to something that does not take it."""
+        if not self.formulas.methods[name].any_name or not own.raised:
+            return False
+        if any(each.kind != "TypeError" or f"keyword argument '{option}'" not in each.text for each in own.raised):
+            return False
+        said = option.replace("_", " ")
+        self.formulas.notes.append(
+            f"{said} was not compared in {name}: called with {option}, it raised TypeError: {own.raised[0].text}"
+        )
+        return True
 
     def _check(self, case: _Case, title: str) -> OwnCheck:
         entries = self.formulas.entries(case.key[0])
@@ -681,6 +773,9 @@ class _Comparison:
     def _diagnoses(self, quantity: _Quantity, case: _Case) -> Iterator[str]:
         name, variant = case.key
         entries = self.formulas.entries(name)
+        if agree(case.own, case.reference, self.tolerance):  # then all that is wrong is where there is no number
+            yield "agrees wherever there are numbers"
+            return
         magnitude = float(np.linalg.norm(self.formulas.gravity))
         factors = {}
         if "gravity" in quantity.options and magnitude > 0.0:
@@ -699,7 +794,7 @@ class _Comparison:
             by = " by 2 J^T foot_force" if name in ("torque", "generalized_force") else ""
             yield f"own values differ{by}: foot_force is what the environment applies to the foot"
         symmetric = 0.5 * (case.own + case.own.swapaxes(1, 2)) if name == "mass_matrix" else None
-        if symmetric is not None and agree(symmetric, case.reference, self.tolerance):
+        if symmetric is not None and agree(symmetric, case.reference, self.tolerance):  # on rows of numbers
             yield "the symmetric part agrees: the own matrix is not symmetric"
         base = self.cases.get((name, ""))
         if variant and base is not None and len(base.own) == len(case.own):
@@ -805,6 +900,12 @@ class _Comparison:
                 other[:, i] = q[:, i] + sign * q[:, j]
                 sentence = f"true if {joints[i]} were {joints[i]} {word} {joints[j]}: absolute and relative angle"
                 meanings.append((sentence, other))
+        for order in orders(len(joints)):
+            moved = ", ".join(joint for joint, place in zip(joints, order, strict=True) if joint != joints[place])
+            what = "are exchanged" if sum(i != j for i, j in enumerate(order)) == 2 else "are in another order"
+            meant = ", ".join(joints[order[place]] for place in self.formulas.order)
+            sentence = f"agrees when the coordinates {moved} {what}: joint_names = ({meant}) says so"
+            meanings.append((sentence, q[:, list(order)]))
         for sentence, other in meanings:
             if agree(self._own("foot_position", case.inputs.at(other)), case.reference, self.tolerance):
                 return sentence
@@ -815,6 +916,7 @@ class _Comparison:
     def _assemble(self) -> Iterator[OwnCheck]:
         q, leg = self.inputs.q, self.leg
         result, names = self.formulas.coordinates(q)
+        self.raised["assemble", ""] = result.raised
         expected = leg.assemble(q, on_error="nan")
         whole = np.stack([expected[name] for name in leg.tree_joint_names], axis=-1)
         own = raw = whole.copy()
@@ -836,12 +938,39 @@ class _Comparison:
             # First as they are: moved by whole turns they are no multiples any more.
             text = diagnose(raw[:, shown], reference, entries, self.tolerance)
             diagnosis = [text or diagnose(own, reference, entries, self.tolerance)]
-            if names == leg.tree_joint_names and np.isfinite(own).all():
+            mixed = self._other_coordinates(shown, own, reference) if names else ""
+            if mixed:  # the pose of other coordinates, of which nothing else can be said
+                diagnosis = [mixed]
+            elif names == leg.tree_joint_names and np.isfinite(own).all():
                 residual = loop_residual(leg.description, dict(zip(names, own.T, strict=True)))
                 if residual.max() <= CLOSED:
                     diagnosis = ["these close the loops too: another assembly mode than the file's configuration"]
             check = replace(check, diagnosis=tuple(text for text in diagnosis if text))
         yield check
+
+    def _other_coordinates(self, shown: Sequence[int], own: np.ndarray, reference: np.ndarray) -> str:
+        """How the independent coordinates of `assemble` differ from those that it was called with."""
+        leg = self.leg
+        names = [leg.tree_joint_names[place] for place in shown]
+        columns = [column for column, name in enumerate(names) if name in leg.joint_names]
+        given, asked = own[:, columns], reference[:, columns]
+        with np.errstate(invalid="ignore"):
+            off = np.abs(given - asked) > self.tolerance * (1.0 + np.maximum(np.abs(given), np.abs(asked)))
+        if not off.any():
+            return ""
+        row, column = np.argwhere(off)[0]
+        independent = tuple(names[place] for place in columns)
+        text = diagnose(given, asked, Entries("{}", (independent,)), self.tolerance)
+        order = ", ".join(leg.joint_names[place] for place in self.formulas.order)
+        parts = [
+            f"other independent coordinates than it was called with: {independent[column]} = "
+            f"{given[row, column]:.6g} where {asked[row, column]:.6g} was given",
+            text,
+            f"it was called with q = ({order})",
+        ]
+        if any(agree(given, asked[:, list(other)], self.tolerance) for other in orders(len(columns))):
+            parts.append("joint_names and the order in which it takes q do not fit together")
+        return "; ".join(part for part in parts if part)
 
     def _inverse_kinematics(self) -> Iterator[OwnCheck]:
         leg, q = self.leg, self.inputs.q
@@ -854,6 +983,7 @@ class _Comparison:
         inputs = replace(inputs, p=leg.foot_position(inputs.q, on_error="nan"))
         assert inputs.p is not None
         own = self.formulas.values(name, inputs)
+        self.raised[name, ""] = own.raised
         reached = leg.foot_position(own.array, on_error="nan")
         entries = Entries("foot {} reached", (self.formulas.size("foot"),))
         lost = np.isnan(reached).any(axis=1) & np.isfinite(own.array).all(axis=1)
@@ -921,10 +1051,21 @@ class _Comparison:
                 else:
                     agree_ = "agrees" if len(sound) == 1 else "agree"
                     texts.append(f"{said}, although {' and '.join(sound)} {agree_}: the error is here")
+            elif caller := self._raised_by(key, roots):
+                root = roots.get(caller, "") or caller[0]
+                texts.append(
+                    f"raises the same as {_title((key[0], ''))}"
+                    if caller[0] == key[0]
+                    else f"raised by the own {caller[0]}, which it calls"
+                )
             elif sources:
                 first = next(iter(sources))
-                root = roots.get(first, "") or first[0]
-                texts.append(f"as follows from the own {' and '.join(_title(k) for k in sources)}, which disagrees")
+                named = " and ".join(_title(k) for k in sources)
+                if self._lost_more(key, list(sources)):
+                    texts.append(f"gives no numbers where the own {named} does, an error here beside that one")
+                else:
+                    root = roots.get(first, "") or first[0]
+                    texts.append(f"as follows from the own {named}, which disagrees")
             roots[key] = root
             explained.append(replace(check, diagnosis=(*check.diagnosis, *texts), follows_from=root))
         for number, row in enumerate(rows):
@@ -935,12 +1076,49 @@ class _Comparison:
                 rows[number] = replace(row, follows_from=cause)
         return explained + rows
 
+    def _raised_by(self, key: Key, roots: Mapping[Key, str]) -> Key | None:
+        """The own result that raises all that this one raises, inside its method; None where there is more to it."""
+        case, raised = self.cases[key], self.raised.get(key, ())
+        errors = relative(case.own, case.reference, case.own.ndim - 1)
+        if not raised or (errors > self.tolerance).any():
+            return None
+        sources = [self._source(key, each, roots) for each in raised]
+        return sources[0] if None not in sources else None
+
+    def _source(self, key: Key, raised: _Raised, roots: Mapping[Key, str]) -> Key | None:
+        """The own result whose method, called by this one, raises the same exception by itself."""
+        for code in raised.codes:
+            method = self.formulas.codes.get(code)
+            for other, theirs in self.raised.items():
+                if other[0] != method or other == key or (method == key[0] and other[1]):
+                    continue
+                # Methods that call each other are not each other's excuse.
+                if roots.get(other) == key[0] and method != key[0]:
+                    continue
+                if any((each.kind, each.text) == (raised.kind, raised.text) for each in theirs):
+                    return other
+            if method == key[0]:
+                return None
+        return None
+
+    def _lost_more(self, key: Key, others: Sequence[Key]) -> bool:
+        """Whether a result has no numbers at states where all of some others have."""
+        lost = _lost(self.cases[key].own)
+        for other in others:
+            theirs = _lost(self.cases[other].own)
+            if len(theirs) != len(lost):  # not at the same states
+                return False
+            lost = lost & ~theirs
+        return bool(lost.any())
+
     def _as_without_loads(self, key: Key, failing: set[Key]) -> bool:
         """Whether a result with loads is off by what it is off by without them."""
         base = (key[0], "")
         if not key[1] or base not in failing or len(self.cases[base].own) != len(self.cases[key].own):
             return False
         loaded, unloaded = self.cases[key], self.cases[base]
+        if self._lost_more(key, [base]):
+            return False
         return agree(loaded.own - loaded.reference, unloaded.own - unloaded.reference, 10.0 * self.tolerance)
 
     def _relations(self, doubtful: set[Key]) -> Iterator[_Relation]:
@@ -1023,6 +1201,11 @@ class _Comparison:
 
     def _force_relations(self, members: Any, relation: Any, fine: float) -> Iterator[_Relation]:
         own, every = self._own, self.inputs
+        tilted = replace(every, gravity=self.states.gravity)
+
+        def hung(name: str) -> np.ndarray:
+            return self.formulas.values(name, tilted, with_gravity=True).array
+
         driven = self.leg.backend.actuator_joints
         joints = self.leg.joint_names
         at_joints = [joints.index(name) for name in driven] if set(driven) == set(joints) else None
@@ -1040,11 +1223,25 @@ class _Comparison:
             elif keys := members((name, ""), "bias"):
                 left, right = own(name, every.without("a")), own("bias", every)[:, order]
                 yield from relation(keys, "is the bias force at a = 0", left, right, every, fine)
-            if keys := members((name, "foot_force"), (name, ""), "jacobian"):
+            # Of a torque that is computed from the generalized force, errors of the loads are there.
+            general = name == "torque"
+            if general and (keys := members((name, "gravity"), ("generalized_force", "gravity"))):
+                right = hung("generalized_force")[:, order]
+                yield from relation(keys, "is the tilted generalized force", hung(name), right, tilted, fine)
+            if general and (keys := members((name, "foot_force"), ("generalized_force", "foot_force"))):
+                right = own("generalized_force", pushed)[:, order]
+                statement = "is the generalized force with foot force"
+                yield from relation(keys, statement, own(name, pushed), right, pushed, fine)
+            elif keys := members((name, "foot_force"), (name, ""), "jacobian"):
                 change = -np.einsum("...ji,...j->...i", own("jacobian", every), self.states.foot_force)
                 right = own(name, every) + change[:, order]
                 statement = "is that without it, less J^T foot_force"
                 yield from relation(keys, statement, own(name, pushed), right, every, fine)
+        if keys := members(("acceleration", "foot_force"), ("acceleration", ""), "mass_matrix", "jacobian"):
+            change = own("acceleration", pushed) - own("acceleration", every)
+            right = np.einsum("...ji,...j->...i", own("jacobian", every), self.states.foot_force)
+            left = _product(own("mass_matrix", every), change)
+            yield from relation(keys, "has M^-1 J^T foot_force more than without it", left, right, every, fine)
         if at_joints is None:
             return
         if keys := members(("acceleration", ""), "mass_matrix", "bias"):
@@ -1079,6 +1276,11 @@ class _Comparison:
 
 def _title(key: Key) -> str:
     return _QUANTITIES[key[0]].title + _VARIANTS[key[1]]
+
+
+def _lost(values: np.ndarray) -> np.ndarray:
+    """Rows that are not all numbers."""
+    return np.asarray(~np.isfinite(values).reshape(len(values), -1).all(axis=1))
 
 
 def _product(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:

@@ -145,10 +145,20 @@ def sidecar_fifo(folder: Path) -> Path:
 
 
 MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
-MESHES = (
+LOST_MESHES = (
     "package://../../etc/passwd",
-    "file:///etc/passwd",
+    "package://robot/../../etc/passwd",
+    "package://robot/%2e%2e/%2e%2e/passwd",
+    "file://../../../../etc/passwd",
     "../../../../../../../../etc/passwd",
+    "..\\..\\..\\..\\etc\\passwd",
+    "a/../../../../../b.stl",
+)
+MESHES = (
+    "package://robot/meshes/../a.stl",
+    "package:///a.stl",
+    "../../meshes/a.stl",
+    "file:///etc/passwd",
     "/etc/passwd",
     "http://127.0.0.1:9/a.stl",
     "a\\..\\..\\b.stl",
@@ -252,7 +262,7 @@ CASES: dict[str, Case] = {
     "some unknown elements": Case(lambda _: robot(*(f"<q{n}/>" for n in range(50_000))), LEGAL),
     "many foreign elements": Case(lambda _: robot("<gazebo/>" * (LARGE // 9)), LEGAL, seconds=6.0),
     "many elements in one": Case(
-        lambda _: swapped("</link>", "<q/>" * (LARGE // 4) + "</link>"), "UnsafeXmlError", "500000"
+        lambda _: swapped("</link>", "<q/>" * (LARGE // 4) + "</link>"), "UnsafeXmlError", "400000"
     ),
     "many poses": Case(
         lambda _: robot(*(f'<configuration name="c{n}"/>' for n in range(160_000))), "UnsafeXmlError", "more than"
@@ -317,6 +327,32 @@ CASES: dict[str, Case] = {
     **{
         f"mesh {name}": Case(text(swapped(f'"upper">{INERTIAL}', f'"upper">{INERTIAL}{MESH.format(name)}')), LEGAL)
         for name in MESHES
+    },
+    **{
+        f"mesh {name}": Case(
+            text(swapped(f'"upper">{INERTIAL}', f'"upper">{INERTIAL}\n{MESH.format(name)}')),
+            match="leaves its package|climbs",
+            line=5,
+        )
+        for name in LOST_MESHES
+    },
+    "mesh of a collision": Case(
+        text(swapped("</link>", f"\n{MESH.format(LOST_MESHES[0]).replace('visual', 'collision')}</link>")),
+        match="leaves its package",
+        line=5,
+    ),
+    **{
+        f"{value} in a pose": Case(
+            text(
+                swapped('type="revolute"', f'type="{kind}"').replace(
+                    "</robot>",
+                    f'<configuration name="home">\n<joint name="shoulder" value="{value}"/></configuration></robot>',
+                )
+            ),
+            match="too large to compute with",
+            line=14,
+        )
+        for value, kind in (("1e308", "revolute"), ("-1e308", "prismatic"), ("2e6", "continuous"))
     },
     "mesh without name": Case(text(robot('<link name="b">', MESH.format(""), "</link>")), match="filename.*empty"),
     # ------------------------------------------------------------------ structure

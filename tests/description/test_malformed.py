@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import leg_dynamics as ld
-from leg_dynamics.errors import LegDynamicsWarning
+from leg_dynamics.errors import DescriptionError, LegDynamicsWarning
 
 HERE = Path(__file__).parent
 GROUP = 60
@@ -107,7 +107,11 @@ def test_no_mesh_is_ever_opened(tmp_path: Path) -> None:
     sys.addaudithook(listen)
     try:
         for route in ("pinocchio", "symbolic"):
-            leg = ld.load(path, route=route)
+            with pytest.warns(LegDynamicsWarning, match="absolute paths"):
+                leg = ld.load(path, route=route)
+        for name in corpus.LOST_MESHES:
+            with pytest.raises(DescriptionError, match=r"leaves its package|climbs"):
+                ld.load(corpus.swapped("</link>", f"{corpus.MESH.format(name)}</link>"))
         with pytest.warns(LegDynamicsWarning, match="1 links have mesh files"):
             scene = build_scene(leg.description, [0.0], {"shoulder": [0.1], "elbow": [0.2]})
     finally:

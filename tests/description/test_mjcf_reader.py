@@ -157,6 +157,67 @@ def test_mujoco_does_not_see_an_unsafe_text(monkeypatch):
         mjcf_text("<!DOCTYPE mujoco><mujoco/>", Document())
 
 
+def test_lines_are_the_files_own_or_none():
+    bodies = '\n<body name="b"><joint/><inertial pos="0 0 0" mass="1" diaginertia="1e308 1e308 1e308"/></body>'
+    with pytest.raises(DescriptionError, match="of the model as URDF") as caught:
+        read(model(bodies))
+    assert caught.value.line is None
+    assert all(each.line is None for each in (*read(model(PAIR)).links, *read(model(PAIR)).joints))
+    gear = '<equality>\n<joint name="g" joint1="ja" joint2="jb" polycoef="0 1 2 0 0"/></equality>'
+    with pytest.raises(UnsupportedError, match=r"<string>:2: .*not linear"):
+        read(model(PAIR, gear))
+
+
+SOLID = '<geom size=".1"/>'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f'<worldbody>\n<replicate count="1000000000" offset="1 0 0">{SOLID}</replicate></worldbody>', "1e.09 copies"),
+        (
+            '<worldbody><replicate count="200">\n<replicate count="200"><body/></replicate></replicate></worldbody>',
+            "40000 copies",
+        ),
+        ('<worldbody><replicate count="2001">\n<body/></replicate></worldbody>', "more than 2000 bodies"),
+        ('<asset>\n<hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>', "1e.10 cells.*nrow"),
+        ('<asset>\n<texture type="2d" builtin="flat" width="100000" height="100000"/></asset>', "1e.10 cells.*width"),
+        ('\n<size memory="1000G"/>', "memory.*bytes"),
+        *((f'\n<size {name}="1000000000"/>', f"{name} of <size> is 1e.09") for name in ("njmax", "nconmax", "nkey")),
+        ('\n<include file="/etc/passwd"/>', "'/etc/passwd' of <include> is outside"),
+        ('\n<include file="../../../../etc/passwd"/>', "is outside"),
+        ('<asset>\n<mesh name="m" file="../../other/m.stl"/></asset>', "is outside.*put the file"),
+        ('\n<compiler meshdir="/etc"/>', "meshdir '/etc'"),
+    ],
+)
+def test_what_mujoco_could_not_bear_does_not_reach_it(text, message, tmp_path, monkeypatch):
+    monkeypatch.setattr(mjcf_reader, "_compiled", None)
+    path = tmp_path / "leg.xml"
+    path.write_text(f"<mujoco>{text}</mujoco>", encoding="utf-8")
+    with pytest.raises(DescriptionError, match=message) as caught:
+        read(path)
+    assert caught.value.line == 2
+
+
+def test_included_files_are_checked_too_and_named(tmp_path):
+    part = tmp_path / "part.xml"
+    part.write_text('<mujocoinclude>\n\n<replicate count="99999"><geom/></replicate></mujocoinclude>', encoding="utf-8")
+    path = tmp_path / "leg.xml"
+    path.write_text(model('<include file="part.xml"/>'), encoding="utf-8")
+    with pytest.raises(DescriptionError, match="99999 copies") as caught:
+        read(path)
+    assert (caught.value.file, caught.value.line) == (str(part), 3)
+
+
+def test_files_may_lie_in_a_folder_beside_the_models(tmp_path):
+    for name in ("parts", "mjcf"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "parts" / "part.xml").write_text(f"<mujocoinclude>{PAIR}</mujocoinclude>", encoding="utf-8")
+    path = tmp_path / "mjcf" / "leg.xml"
+    path.write_text(model('<include file="../parts/part.xml"/>'), encoding="utf-8")
+    assert len(read(path).moving_joints) == 3
+
+
 def hinge(joint="", inertial=GEOM, attributes=""):
     return f'<body name="a" {attributes}><joint name="h" {joint}/>{inertial}</body>'
 
@@ -172,7 +233,7 @@ def hinge(joint="", inertial=GEOM, attributes=""):
         (model(hinge(inertial='<inertial mass="inf" pos="0 0 0" diaginertia="1 1 1"/>')), "mass of body 'a'"),
         (model(hinge(), '<actuator><motor name="m" joint="h" gear="inf"/></actuator>'), "gear of actuator 'm'"),
         (model(hinge(), '<keyframe><key name="k" qpos="inf"/></keyframe>'), "qpos of keyframe 'k'"),
-        (model(hinge('damping="-1"')), "as URDF.*negative damping"),
+        (model(hinge('damping="-1"')), "negative damping.*of the model as URDF"),
         (model(hinge(attributes='pos="1e308 0 0"')), "1e.308"),
     ],
 )

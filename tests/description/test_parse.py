@@ -560,6 +560,16 @@ def test_inline_materials_are_known_to_later_links() -> None:
     assert arm.link("gear").visuals[0].rgba == (0, 0, 1, 1)
 
 
+def test_absolute_meshes_are_warned_about_unless_they_lie_beside_the_file() -> None:
+    mesh = '<visual><geometry><mesh filename="/home/me/robot/a.stl"/></geometry></visual>'
+    text = f'<robot name="r"><link name="a">{mesh}</link></robot>'
+    with pytest.warns(LegDynamicsWarning, match="absolute paths outside the file's folder"):
+        parse(text)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parse(text, file="/home/me/robot/robot.urdf")
+
+
 def test_meshes_and_boxes() -> None:
     shapes = ('<mesh filename="a.stl"/>', '<mesh filename="b.stl" scale="1 -1 2"/>', '<box size="1 2 3"/>')
     visuals = "".join(f"<visual><geometry>{shape}</geometry></visual>" for shape in shapes)

@@ -173,6 +173,27 @@ def test_what_urdf_may_leave_out_is_filled_in_for_pinocchio():
     np.testing.assert_array_equal(model.inertias[model.getJointId("turn")].inertia, np.diag([1.0, 2.0, 2.5]))
 
 
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
+@pytest.mark.parametrize("axis", ["0 1e160 0", "0 1e308 0", "1e200 1e200 0", "1e-8 0 1e-8", "-3e-9 4e-9 0"])
+def test_an_axis_of_any_length_moves_as_the_unit_vector_does(axis, kind):
+    text = (
+        LENIENT.replace('type="continuous"', f'type="{kind}"').replace("0 0 1", axis).replace('<limit effort="3"/>', "")
+    )
+    description = parse(text)
+    model = Tree.from_description(description).model
+    index = model.getJointId("spin")
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    moving = pin.getJointJacobian(model, data, index, pin.LOCAL)[:, model.joints[index].idx_v]
+    unit = description.joint("spin").axis
+    np.testing.assert_allclose(moving[:3] if kind == "prismatic" else moving[3:], unit, rtol=0.0, atol=1e-15)
+
+
+def test_a_mass_that_pinocchio_cannot_add_up_is_refused():
+    with pytest.raises(UnsupportedError, match=r"'turn' carries 1e-17 kg.*least is 2.22e-16"):
+        Tree.from_description(parse(LENIENT.replace('mass value="1"', 'mass value="1e-17"')))
+
+
 def test_the_completed_text_is_the_same_tree(omnileg_description):
     completed = pin.buildModelFromXML(tree_urdf(omnileg_description))
     given = pin.buildModelFromXML(omnileg_description.urdf)

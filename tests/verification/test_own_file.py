@@ -116,6 +116,15 @@ def test_the_command_fails_where_the_formulas_do(file):
     assert (check["method"], check["own"], check["passed"]) == ("potential_energy", 3.0, False)
 
 
+def test_the_command_fails_where_the_formulas_end_the_process(tmp_path):
+    path = tmp_path / "ends.py"
+    path.write_text("import sys\ndef potential_energy(q):\n    sys.exit(0)\n", encoding="utf-8")
+    result = run("--own", path, "--json")
+    assert result.exit_code == 1
+    (check,) = json.loads(result.stdout)["checks"]
+    assert check["detail"].startswith("raised SystemExit: 0 (ends.py:3), at 12 of 12 states")
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import sys
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
@@ -733,3 +734,328 @@ def test_the_same_seed_gives_the_same_report(leg):
     first, again, other = (held(MyLeg("mass"), leg, samples=20, seed=seed).to_dict() for seed in (4, 4, 5))
     assert first == again
     assert first["checks"] != other["checks"]
+
+
+# ---------------------------------------------------------------------- formulas that end the process
+
+
+@pytest.mark.parametrize("code", [0, 3, "no solution"])
+def test_an_exit_is_a_failing_check(leg, code):
+    def foot_position(q):
+        sys.exit(code)
+
+    report = held(SimpleNamespace(foot_position=foot_position, mass_matrix=MyLeg().mass_matrix), leg, samples=12)
+    found = cause(report, "foot_position")
+    assert found.detail.startswith(f"raised SystemExit: {code} (test_own_formulas.py:")
+    assert found.share == 1.0
+    assert verdicts(report) == {"foot position": False, "mass matrix": True}
+
+
+def test_an_exit_in_assemble_and_in_a_property(leg):
+    assert "raised SystemExit" in cause(held(SimpleNamespace(assemble=lambda q: sys.exit(0)), leg), "assemble").detail
+
+    class Ending:
+        foot_position = staticmethod(position)
+
+        @property
+        def gravity(self):
+            sys.exit(0)
+
+    with pytest.raises(ParameterError, match="gravity of Ending cannot be read: SystemExit: 0"):
+        held(Ending(), leg, samples=5)
+
+
+# ---------------------------------------------------------------------- foot forces by another name
+
+
+def wrong_force(q, v, a, force):
+    return MyLeg("foot_force").torque(q, v, a, force)
+
+
+@pytest.mark.parametrize(
+    ("torque", "arguments"),
+    [
+        (lambda q, v, a, force=None: wrong_force(q, v, a, force), "q, v, a, force"),
+        (lambda q, v, a, F=(0.0, 0.0, 0.0): wrong_force(q, v, a, F), "q, v, a, F"),
+        (lambda q, v, a: wrong_force(q, v, a, None), "q, v, a"),
+        (lambda *given: wrong_force(*given, None), "*given"),
+    ],
+    ids=["force", "F", "none", "any number"],
+)
+@pytest.mark.parametrize("method", ["torque", "generalized_force"])
+def test_a_foot_force_that_cannot_be_given_is_noted(leg, torque, arguments, method):
+    report = held(SimpleNamespace(**{method: torque}), leg, samples=10)
+    assert report.passed
+    note = f"foot force was not compared in {method}: no argument of {method}({arguments}) is called foot_force"
+    assert report.notes == (note,)
+    stream = io.StringIO()
+    Console(file=stream, width=200).print(report)
+    assert note in stream.getvalue()
+
+
+def test_a_foot_force_of_the_acceleration_by_another_name(leg):
+    right = MyLeg()
+    own = SimpleNamespace(acceleration=lambda q, v, tau, force=None: right.acceleration(q, v, tau))
+    assert held(own, leg, samples=10).notes == (
+        "foot force was not compared in acceleration: no argument of acceleration(q, v, tau, force) is called "
+        "foot_force",
+    )
+    # Without any, forward dynamics is whole by itself.
+    assert held(SimpleNamespace(acceleration=right.acceleration), leg, samples=10).notes == ()
+
+
+def test_arguments_of_any_name_are_given_the_foot_force(leg):
+    own = SimpleNamespace(torque=lambda q, v, a, **k: MyLeg("foot_force").torque(q, v, a, **k))
+    found = cause(held(own, leg), "torque")
+    assert found.quantity == "torque with foot force"
+    assert "wrong sign of the foot force's term" in str(found.findings)
+    own = SimpleNamespace(torque=lambda q, v, a, **k: MyLeg().torque(q, v, a, k.get("F")))
+    assert "the argument foot_force changes nothing" in cause(held(own, leg), "torque").findings
+    own = SimpleNamespace(torque=lambda q, v, a, **k: MyLeg().torque(q, v, a, **k))
+    report = held(own, leg)
+    report.raise_if_failed()
+    assert verdicts(report) == {"torque": True, "torque with foot force": True}
+    assert report.notes == ()
+
+
+def test_arguments_of_any_name_that_are_handed_on_to_what_does_not_take_them(leg):
+    own = SimpleNamespace(torque=lambda q, v, a, **k: wrong_force(q, v, a, None, **k))
+    report = held(own, leg)
+    assert report.passed
+    (note,) = report.notes
+    assert note.startswith("foot force was not compared in torque: called with foot_force, it raised TypeError: ")
+
+
+def test_no_note_of_foot_forces_where_there_is_no_foot(pendulum):
+    reference = ld.load(pendulum())
+    own = SimpleNamespace(torque=lambda q, v, a: reference.bias(q, v) + reference.mass_matrix(q) @ a)
+    assert ld.crosscheck(own, reference, samples=5).notes == ()
+
+
+# ---------------------------------------------------------------------- the method that is blamed
+
+
+class Upward(Whole):
+    """Torque and accelerations from the generalized force."""
+
+    def generalized_force(self, q, v, a, foot_force=None):
+        return MyLeg.torque(self, q, v, a, foot_force)
+
+    def torque(self, q, v, a, foot_force=None):
+        return self.generalized_force(q, v, a, foot_force)
+
+    def acceleration(self, q, v, tau, foot_force=None):
+        efforts = np.subtract(tau, self.generalized_force(q, v, np.zeros(2), foot_force))
+        return np.linalg.solve(self.mass_matrix(q), efforts)
+
+
+def test_a_foot_force_that_is_wrong_further_up(leg):
+    class Only(Upward):
+        def acceleration(self, q, v, tau):
+            return super().acceleration(q, v, tau)
+
+    held(Upward(), leg).raise_if_failed()
+    report = held(Only("foot_force"), leg)
+    assert cause(report, "generalized_force").quantity == "generalized force with foot force"
+    follows = {check.quantity: check.follows_from for check in report.checks if not check.passed}
+    assert follows["torque with foot force"] == "generalized_force"
+
+    class Beside(Only):
+        def torque(self, q, v, a, foot_force=None):
+            return self.generalized_force(q, v, a, None if foot_force is None else 3.0 * foot_force)
+
+    report = held(Beside(), leg)
+    text = str(cause(report, "torque").findings)
+    assert "is not the generalized force with foot force, although generalized force with foot force agrees" in text
+    report = held(Beside("foot_force"), leg)
+    assert {check.method for check in report.causes} == {"generalized_force", "torque"}
+
+
+def test_an_acceleration_with_foot_force_follows_from_what_it_computes_with(leg):
+    for fault in ("jacobian", "mass"):
+        report = held(Upward(fault), leg)
+        assert {check.method for check in report.causes} == {{"mass": "mass_matrix"}.get(fault, fault)}
+    report = held(
+        changed("acceleration", lambda a, q, v, tau, foot_force=None: a + (foot_force is not None), Upward), leg
+    )
+    assert cause(report, "acceleration").quantity == "acceleration with foot force"
+
+
+def test_a_tilt_that_is_wrong_further_up(leg):
+    class Turned(Tilted):
+        def pull(self, q, gravity):
+            return super().pull(q, gravity * [-1.0, 1.0, 1.0])
+
+        def generalized_force(self, q, v, a, gravity=None):
+            return Tilted.torque(self, q, v, a, gravity)
+
+        def torque(self, q, v, a, gravity=None):
+            return self.generalized_force(q, v, a, gravity)
+
+    assert cause(held(Turned(), leg), "generalized_force").quantity == "generalized force, tilted"
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, SystemExit])
+def test_what_another_method_raises_follows_from_that(leg, error):
+    class Raising(Whole):
+        def jacobian(self, q):
+            if q[0] > self.least:
+                raise error("no Jacobian")
+            return super().jacobian(q)
+
+    for Raising.least in (-10.0, 0.3):
+        report = held(Raising(), leg)
+        found = cause(report, "jacobian")
+        assert f"raised {error.__name__}: no Jacobian" in found.detail
+        follows = {check.quantity: check for check in report.checks if not check.passed and check.follows_from}
+        assert set(follows) == {
+            "foot velocity",
+            "foot acceleration",
+            "generalized force with foot force",
+            "torque with foot force",
+        }
+        assert {check.follows_from for check in follows.values()} == {"jacobian"}
+        assert "raised by the own jacobian, which it calls" in follows["foot acceleration"].findings
+
+
+def test_an_exception_of_its_own_follows_from_nothing(leg):
+    class Two(Whole):
+        def jacobian(self, q):
+            raise ValueError("here")
+
+        def foot_acceleration(self, q, v, a):
+            raise ValueError("here")
+
+        def foot_velocity(self, q, v):
+            try:
+                return super().foot_velocity(q, v)
+            except ValueError:
+                raise ValueError("there") from None
+
+    report = held(Two(), leg)
+    assert [check.method for check in report.causes] == ["jacobian", "foot_velocity", "foot_acceleration"]
+
+
+def test_an_exception_beside_wrong_numbers_is_no_excuse(leg):
+    class Beside(MyLeg):
+        def jacobian(self, q):
+            if q[0] > 0.3:
+                raise ValueError("here")
+            return super().jacobian(q)
+
+        def foot_acceleration(self, q, v, a):
+            return 2.0 * super().foot_acceleration(q, v, a)
+
+    assert [check.method for check in held(Beside(), leg).causes] == ["jacobian", "foot_acceleration"]
+
+
+def test_methods_that_call_each_other_do_not_excuse_each_other(leg):
+    class Circle:
+        def foot_position(self, q):
+            return self.foot_velocity(q, q)
+
+        def foot_velocity(self, q, v):
+            return self.foot_position(q)
+
+    assert held(Circle(), leg, samples=6).causes
+
+
+def test_one_exception_with_and_without_loads_is_one_cause(leg):
+    def torque(q, v, a, foot_force=None):
+        raise ValueError("nothing yet")
+
+    report = held(SimpleNamespace(torque=torque), leg, samples=10)
+    assert cause(report, "torque").quantity == "torque"
+    assert "raises the same as torque" in report.checks[1].findings
+
+
+# ---------------------------------------------------------------------- statements that would be wrong
+
+
+@pytest.mark.parametrize("method", ["mass_matrix", "bias", "torque"])
+def test_nothing_is_said_of_numbers_that_agree_where_others_are_missing(leg, method):
+    def partly(value, q, *_, **__):
+        return np.full_like(value, np.nan) if q[0] > 0.5 else value
+
+    found = cause(held(changed(method, partly, MyLeg), leg, samples=100), method)
+    assert "returned NaN or infinity" in found.detail
+    assert "all those where theta1 > 0." in found.detail
+    assert found.diagnosis[0] == "agrees wherever there are numbers"
+    assert not any(word in str(found.findings) for word in ("symmetric", "agrees at", "terms", "agrees without"))
+
+
+def test_missing_numbers_of_its_own_do_not_follow_from_wrong_ones_further_up(leg):
+    class Beside(MyLeg):
+        def bias(self, q, v):
+            if q[0] > 0.5:
+                raise ValueError("not here")
+            return super().bias(q, v)
+
+    report = held(Beside("gravity"), leg, samples=100)
+    assert [check.method for check in report.causes] == ["gravity_torque", "bias"]
+    said = "gives no numbers where the own gravity torque does, an error here beside that one"
+    assert said in report.causes[1].findings
+
+    def torque(q, v, a, foot_force=None):
+        return np.sqrt(0.5 - q[0] if foot_force is None else 0.5 + q[1]) * 0.0 + MyLeg().torque(q, v, a, foot_force)
+
+    with np.errstate(invalid="ignore"):
+        report = held(SimpleNamespace(torque=torque), leg, samples=100)
+    assert [check.quantity for check in report.causes] == ["torque", "torque with foot force"]
+
+
+def test_an_asymmetry_beside_missing_numbers(leg):
+    def partly(M, q):
+        return np.full((2, 2), np.nan) if q[0] > 0.5 else M + np.array([[0, q[0]], [-q[0], 0]])
+
+    found = cause(held(changed("mass_matrix", partly, MyLeg), leg, samples=100), "mass_matrix")
+    assert "the symmetric part agrees: the own matrix is not symmetric" in found.findings
+
+
+def test_assemble_with_the_coordinates_mixed_up(leg):
+    swapped = SimpleNamespace(assemble=MyLeg().assemble, joint_names=("theta2", "theta1"))
+    found = cause(held(swapped, leg), "assemble")
+    assert "assembly mode" not in str(found.findings)
+    (text,) = found.diagnosis
+    assert text.startswith("other independent coordinates than it was called with: theta1 = ")
+    assert "the entries theta1, theta2 are exchanged" in text
+    assert "it was called with q = (theta2, theta1)" in text
+    assert "joint_names and the order in which it takes q do not fit together" in text
+    negative = SimpleNamespace(assemble=lambda q: MyLeg().assemble([-q[0], q[1]]))
+    (text,) = cause(held(negative, leg), "assemble").diagnosis
+    assert "theta1 is the negative of the reference: a sign error" in text
+    assert "joint_names" not in text
+
+
+def test_a_foot_position_of_exchanged_coordinates(leg):
+    right = MyLeg()
+    own = SimpleNamespace(foot_position=lambda q: right.foot_position(q[::-1]))
+    found = cause(held(own, leg), "foot_position")
+    said = "agrees when the coordinates theta1, theta2 are exchanged: joint_names = ("
+    assert f"{said}theta2, theta1) says so" in found.findings
+    own.joint_names = ("theta2", "theta1")
+    assert held(own, leg).passed
+    own.foot_position = right.foot_position
+    assert f"{said}theta1, theta2) says so" in cause(held(own, leg), "foot_position").findings
+
+
+def test_a_foot_position_of_coordinates_in_another_order():
+    reference = ld.load("omnileg")
+    own = Permuted(reference, (1, 2, 0), names=False)
+    position_only = SimpleNamespace(foot_position=own.foot_position)
+    (text,) = [
+        text for text in cause(held(position_only, reference, 20), "foot_position").findings if "joint_names" in text
+    ]
+    named = ", ".join(reference.joint_names[i] for i in (1, 2, 0))
+    assert text.endswith(f"are in another order: joint_names = ({named}) says so")
+    position_only.joint_names = [reference.joint_names[i] for i in (1, 2, 0)]
+    assert held(position_only, reference, 20).passed
+
+
+@pytest.mark.parametrize("seed", [-1, "x", 1.5, None, True, math.nan])
+def test_a_seed_of_no_use(leg, seed):
+    for arguments in ((MyLeg(), leg), ("omnileg",)):
+        with pytest.raises(ParameterError, match="seed must be a whole number, at least 0, got ") as caught:
+            ld.crosscheck(*arguments, samples=5, seed=seed)
+        assert caught.value.parameter == "seed"
+    assert ld.crosscheck(MyLeg(), leg, samples=5, seed=np.int64(3)).passed
