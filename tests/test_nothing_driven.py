@@ -120,8 +120,9 @@ def test_a_mechanism_without_actuators_works(route):
     assert feasible.margin.shape == (2, 0)
 
 
-def test_a_mechanism_without_actuators_moves_freely():
-    leg = ld.load(robot(root="fixed", attributes='driven="none"'), "pinocchio")
+@pytest.mark.parametrize("route", ["pinocchio", "symbolic"])
+def test_a_mechanism_without_actuators_moves_freely(route):
+    leg = ld.load(robot(root="fixed", attributes='driven="none"'), route)
     other = ld.load(robot(root="fixed"), "pinocchio")
     q, v = np.random.default_rng(1).uniform(-1, 1, (2, 2, 4))
     for rows in (slice(None), 0):

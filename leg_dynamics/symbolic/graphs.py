@@ -653,7 +653,7 @@ class Graphs:
         transfer = self._transfer(state)
         right = []
         for k in range(model.n):
-            drive = total(mul(row[k], x) for row, x in zip(transfer, build["tau"], strict=True))
+            drive = total(mul(row[k], x) for row, x in zip(transfer, build["tau"] if transfer else [], strict=True))
             right.append(sub(drive, bias[k]))
         M = self._mass_matrix(state)
         factor = Factor([dict(enumerate(row)) for row in M])
@@ -667,7 +667,13 @@ class Graphs:
         return factor.solve(right), transfer, factor.solve
 
     def _forward_names(self) -> list[str]:
-        return ["q", "v", "tau", *(["foot_force"] if self.model.foot is not None else []), "gravity"]
+        return [
+            "q",
+            "v",
+            *(["tau"] if self.model.actuated else []),
+            *(["foot_force"] if self.model.foot is not None else []),
+            "gravity",
+        ]
 
     def acceleration(self) -> Program:
         """Forward dynamics: M ydd = G_a^T tau - bias + J^T foot_force, (n,)."""
@@ -707,7 +713,10 @@ class Graphs:
         a = casadi.SX.sym("a", model.n)
         foot_force = build.vector("foot_force") if model.foot is not None else None
         force = self._generalized(build.state, build["v"], _entries(a), foot_force, build.vector("gravity"))
-        drive = [total(mul(row[k], x) for row, x in zip(transfer, build["tau"], strict=True)) for k in range(model.n)]
+        drive = [
+            total(mul(row[k], x) for row, x in zip(transfer, build["tau"] if transfer else [], strict=True))
+            for k in range(model.n)
+        ]
         solution = _column(accelerations)
 
         def settle(matrices: Sequence[casadi.SX]) -> list[casadi.SX]:

@@ -236,6 +236,8 @@ class SymbolicRoute:
         method = {"torque": FREE_TORQUE, "loaded_torque": "torque"}.get(name, name)
         if self._compile is not None or (name == method and name not in QUICK):
             return None
+        if name == "acceleration" and not self.actuator_joints:
+            return None
         try:
             kernel = self._kernel(method)
         except RowError:  # no assembly mode is defined: every row is the fallback's
@@ -405,6 +407,10 @@ class SymbolicRoute:
     def _gravity(self, gravity: np.ndarray | None) -> np.ndarray:
         return self.gravity if gravity is None else gravity
 
+    def _tau(self, tau: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The efforts, which are no input of a mechanism without actuators."""
+        return (tau,) if self.actuator_joints else ()
+
     def _force(self, foot_force: np.ndarray | None) -> tuple[np.ndarray, ...]:
         if not self.has_foot:
             return ()
@@ -573,7 +579,7 @@ class SymbolicRoute:
         def retry(route: Route, pick: Any, inner: RowFailures) -> np.ndarray:
             return route.acceleration(pick(q), pick(v), pick(tau), pick(foot_force), pick(gravity), inner)
 
-        arguments = (q, v, tau, *self._force(foot_force), self._gravity(gravity))
+        arguments = (q, v, *self._tau(tau), *self._force(foot_force), self._gravity(gravity))
         return self._run("acceleration", arguments, failures, retry, (len(self.joint_names),))
 
     # ------------------------------------------------------------------ derivatives
@@ -608,7 +614,7 @@ class SymbolicRoute:
         failures: RowFailures,
     ) -> np.ndarray:
         """Accelerations differentiated by q, v, tau and by some of `numbers_of`, (..., n, 2 n + m + k)."""
-        arguments = (q, v, tau, *self._force(foot_force), self._gravity(gravity))
+        arguments = (q, v, *self._tau(tau), *self._force(foot_force), self._gravity(gravity))
         n = len(self.joint_names)
         shape = (n, 2 * n + len(self.actuator_joints))
         return self._differentiated("acceleration", arguments, numbers, shape, failures)
