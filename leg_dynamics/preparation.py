@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from leg_dynamics.errors import DescriptionError, LegDynamicsWarning, ParameterError
+from leg_dynamics.errors import DescriptionError, LegDynamicsWarning, ParameterError, UnsupportedError
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description
@@ -44,6 +44,8 @@ class Preparation:
         ------
         DescriptionError
             The robot has no such leg, or the mechanism cannot move.
+        UnsupportedError
+            It has more joints than any route takes.
 
         Warns
         -----
@@ -52,6 +54,14 @@ class Preparation:
         """
         from leg_dynamics.description.lowering import single_coordinate
 
+        moving = len(description.moving_joints)
+        if moving > _MOST_JOINTS:
+            # No route takes so many: said at once, before anything is rewritten or imported.
+            raise UnsupportedError(
+                f"{moving} tree joints are too many, no route takes more than {_MOST_JOINTS}: fix joints that need not "
+                "move, or model a part of the mechanism",
+                joints=moving,
+            )
         if self.part is not None:
             from leg_dynamics.description.legs import leg_part
 
@@ -66,6 +76,7 @@ class Preparation:
         return description
 
 
+_MOST_JOINTS = 1000
 # Starts in the search for a mode by its name: of many modes the first hundred may miss some.
 _ATTEMPTS = (100, 400, 1600)
 
