@@ -91,7 +91,12 @@ def expected(oracle, method, poses, arguments):
     if method == "assemble":
         return np.array(poses)
     if method == "torque" and len(oracle.actuated or oracle.independent) != len(oracle.independent):
-        return None
+        transfers = [oracle.transfer(q) for q in poses]
+        if max(np.linalg.matrix_rank(A, tol=1e-9) for A in transfers) < len(oracle.independent):
+            return None
+        # Of more actuators than motions, the efforts of smallest norm that do the same work.
+        forces = expected(oracle, "generalized_force", poses, arguments)
+        return np.array([np.linalg.pinv(A.T) @ Q for A, Q in zip(transfers, forces, strict=True)])
     name = {"jacobian": "foot_jacobian", "potential_energy": "potential"}.get(method, method)
     rows = []
     for row, q in enumerate(poses):
