@@ -19,6 +19,8 @@ MAX_DEPTH = 64  # URDF+ itself needs 5
 # A thousand times what a robot has: beyond, a file is an attack, or a mistake that would take minutes to name.
 MAX_ELEMENTS = 400_000
 MAX_CHILDREN = 150_000
+# Of a mechanism file: no route takes a twentieth of them, and reading the rest would take seconds.
+MAX_JOINTS = 20_000
 """Of the root: links, joints and all else that a mechanism consists of."""
 MAX_WORD = 4096
 """Characters of a tag or a name."""
@@ -192,6 +194,7 @@ class _TreeBuilder:
         self.skipped_depth = 0
         self.unwanted: set[str] = set()
         self.count = 0
+        self.joints = 0
         self.parser = expat.ParserCreate("UTF-8")
         self.parser.buffer_text = True
         self.parser.StartElementHandler = self.start
@@ -238,6 +241,10 @@ class _TreeBuilder:
             self.root = node
         else:
             parent = parents[-1]
+            if depth == 1 and tag == "joint" and self.keep is not None:
+                self.joints += 1
+                if self.joints > MAX_JOINTS:
+                    raise self.refusal(f"the file has more than {MAX_JOINTS} joints")
             if depth == 1 and len(parent.children) >= MAX_CHILDREN:
                 raise self.refusal(f"the file has more than {MAX_CHILDREN} elements directly below its root")
             if parent.children:
