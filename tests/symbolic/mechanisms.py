@@ -465,7 +465,7 @@ class Builder:
             return ""
         driven = [independent[k] for k in self.generator.permutation(len(independent))]
         dependent = [oracle.names[k] for k in oracle.z]
-        if plan.drive == "dependent" and dependent:
+        if plan.drive == "dependent" and dependent and driven:
             # Another joint in the place of one, if it moves when that one does.
             G = oracle.null(oracle.home)
             gains = np.abs(G[[oracle.index[name] for name in dependent], independent.index(driven[0])])
