@@ -1033,15 +1033,19 @@ class Mechanism:
 
     def mass_matrix(self, state: ClosedState) -> np.ndarray:
         """G^T M G, kg·m² (rad), kg (m), shape (n, n)."""
-        reduced = state.G.T @ self._tree_mass(state) @ state.G
+        return self._reduced(state, self._tree_mass(state))
+
+    @staticmethod
+    def _reduced(state: ClosedState, tree_mass: np.ndarray) -> np.ndarray:
+        reduced: np.ndarray = state.G.T @ tree_mass @ state.G
         return 0.5 * (reduced + reduced.T)
 
-    def cancellation(self, state: ClosedState) -> float:
+    def cancellation(self, state: ClosedState, tree_mass: np.ndarray | None = None) -> float:
         """How many times what cancels in the mass matrix's diagonal is larger than what is left, at least 1.
 
         A heavy link that a loop keeps from turning: its inertia is in every term, and in the sum only by rounding.
         """
-        tree_mass = self._tree_mass(state)
+        tree_mass = self._tree_mass(state) if tree_mass is None else tree_mass
         left = np.abs(np.diagonal(state.G.T @ tree_mass @ state.G))
         terms = np.einsum("ji,jk,ki->i", np.abs(state.G), np.abs(tree_mass), np.abs(state.G))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -1094,7 +1098,8 @@ class Mechanism:
             return result[self.independent]
         drive = tau if self.directly_actuated else state.G[self.actuated].T @ tau
         force = drive - self.generalized_force(state, v, np.zeros(self.n), foot_force, gravity)
-        mass = self.mass_matrix(state)
+        tree_mass = self._tree_mass(state)
+        mass = self._reduced(state, tree_mass)
         # With unit diagonal the pivots of the Cholesky factor are free of units.
         scale = np.sqrt(np.diagonal(mass))
         pivot = 0.0
@@ -1105,7 +1110,7 @@ class Mechanism:
             if not np.isfinite(mass).all():
                 return np.full(self.n, np.nan)
             raise self._massless(state, pivot)
-        if not self._is_open and (cancelled := self.cancellation(state)) * MASS_ROUNDING > PROMISED:
+        if not self._is_open and (cancelled := self.cancellation(state, tree_mass)) * MASS_ROUNDING > PROMISED:
             raise self._massless(state, 1.0 / cancelled)
         solution, _ = lapack.dpotrs(factor, force / scale, lower=1)
         return solution.ravel() / scale
