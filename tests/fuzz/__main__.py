@@ -201,19 +201,24 @@ def run(cases: int, first: int = 0, jobs: int = 2, progress: bool = False) -> Su
     jobs : int
         Child processes at a time.
     progress : bool
-        Print a line a batch.
+        Print a line a batch, and failures when they are found.
     """
     summary, lock = Summary(), threading.Lock()
     last = first + cases
     finished: set[int] = set()
+    told = 0
 
     def work(batch: int) -> None:
         low, high = max(first - BATCH * batch, 0), min(last - BATCH * batch, BATCH)
         engine = "llvm" if batch % COMPILED == 0 else "casadi"
+        nonlocal told
         run_batch(batch, low, high, engine, summary, lock)
         with lock:
             finished.add(batch)
             if progress:
+                # At once: a run of hours may be interrupted.
+                print(*summary.failures[told:], sep="\n", end="", file=sys.stderr)
+                told = len(summary.failures)
                 whole = next(number for number in itertools.count(first // BATCH) if number not in finished)
                 print(
                     f"{summary.cases} of {cases} cases, {summary.computed} computed, {len(summary.failures)} failed; "
