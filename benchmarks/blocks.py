@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import mechanisms, peers
-from benchmarks.cases import YARDSTICK, Block, Case, Settings, Work, Workload, load_symbolic
+from benchmarks.cases import YARDSTICK, Block, Case, Settings, Work, Workload, cold, load_symbolic
 from benchmarks.mechanisms import GRBDA, Subject
 
 SINGLE, FORWARD, METHODS, BATCH, THREADS, MODELS, CHAINS = (
@@ -238,7 +238,7 @@ def _pinocchio_rows(workload: Workload, rows: int) -> Work:
     arguments, _ = workload.rows(rows)
     index = np.arange(rows) % len(workload.states[0])
     expected = workload.torques("states", other=False)[index]
-    return Work(workload.pinocchio().torque, [arguments], [expected], period=1)
+    return Work(cold(workload.pinocchio()), [arguments], [expected], period=1)
 
 
 def threads(rows: int) -> tuple[Case, ...]:

@@ -177,6 +177,19 @@ def closure_of(leg: ld.Leg) -> str:
     return "Newton's method from the last pose or home"
 
 
+def cold(leg: ld.Leg) -> Callable[..., Any]:
+    """`Leg.torque` that closes the loops of every pose anew, where they are closed numerically."""
+    backend: Any = leg.backend
+
+    def torque(*arguments: Any) -> Any:
+        numeric = backend if leg.route == "pinocchio" else vars(backend).get("fallback")
+        if numeric is not None:
+            numeric.mechanism.forget(every_pose=True)
+        return leg.torque(*arguments)
+
+    return torque
+
+
 class Workload:
     """A leg by its routes, the states that it is measured at, and the answers of one route for the others."""
 

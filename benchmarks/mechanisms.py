@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import leg_dynamics as ld
-from benchmarks.cases import NotAvailableError, Settings, Work, closure_of, load_symbolic
+from benchmarks.cases import NotAvailableError, Settings, Work, closure_of, cold, load_symbolic
 
 SHARED = Path(__file__).parents[2] / "shared" / "models" / "urdf_plus"
 """Where the foreign files lie beside a checkout; see its README."""
@@ -231,7 +231,7 @@ class Subject:
         """One call on rows that have nothing in common with their neighbours: every closure starts from home."""
         index = np.arange(rows) % len(self.states[0])
         arguments = tuple(column[index] for column in self.states)
-        return Work(leg.torque, [arguments], [self.expected("states")[index]], period=1, note=symbolic_note(leg))
+        return Work(cold(leg), [arguments], [self.expected("states")[index]], period=1, note=symbolic_note(leg))
 
 
 def symbolic_note(leg: ld.Leg) -> str:

@@ -51,6 +51,8 @@ FARTHEST = 1e3
 # The tangent must predict the corrected point to this share of the step, or the step is halved.
 CORRECTION_SHARE = 0.3
 SAFE_CORRECTION = 0.01
+# Poses kept for each thread.
+KNOWN_POSES = 20_000
 # Near a singular pose the tangent may turn by this share in a step.
 TURNED_SHARE = 0.2
 RANK_TOLERANCE = 1e-9
@@ -130,13 +132,15 @@ class LoopForces:
 
 
 class _Workspace(threading.local):
-    """One thread's pinocchio model copy and data, and the state it closed last."""
+    """One thread's pinocchio model copy and data, the state it closed last, and poses that it followed from a seed."""
 
     def __init__(self, tree: Tree) -> None:
         self.model = tree.model.copy()
         self.data = create_data(self.model)
         self.memory = FrameMemory(self.model, self.data)
         self.last: ClosedState | None = None
+        self.followed: dict[bytes, np.ndarray] = {}
+        self.followed_from: tuple[ClosedState, ...] | None = None
 
 
 class Mechanism:
@@ -150,7 +154,8 @@ class Mechanism:
     hip : str, optional
         Link in whose axes foot quantities, forces and gravity are expressed; the root where None.
     remembers : bool
-        Whether the closure may start from the last pose. Without, a pose does not depend on those before.
+        Whether the closure may start from the last pose. Without, a pose does not depend on those before. Poses that
+        were followed from a seed are kept either way: they depend on nothing else.
 
     Raises
     ------
@@ -666,14 +671,17 @@ class Mechanism:
         with self._seed_lock:
             self._seeds = seeds
 
-    def forget(self) -> None:
-        """Let this thread's next pose start from a seed."""
+    def forget(self, every_pose: bool = False) -> None:
+        """Let this thread's next pose start from a seed, or, with `every_pose`, repeat all the work that led to one."""
         self._workspace.last = None
+        if every_pose:
+            self._workspace.followed.clear()
 
     def close(self, y: np.ndarray) -> ClosedState:
         """Tree coordinates that close the loops at y (n,), in the assembly mode of the nearest seed.
 
-        Starts from the last pose of this thread where it is near (see `remembers`), else follows the mode from a seed.
+        Starts from the last pose of this thread where it is near (see `remembers`), else follows the mode from a seed,
+        which is done once for the same y.
         Close to the boundary of the mode's reach, a pose may be reached from a neighbour and not on the straight way
         from a seed.
 
@@ -702,10 +710,22 @@ class Mechanism:
                 if state is not None:
                     work.last = self._settled(state)
                     return work.last
+        if work.followed_from is not self.seeds:
+            work.followed, work.followed_from = {}, self.seeds
+        key = y.tobytes()
+        known = work.followed.get(key)
+        if known is not None:
+            work.last = self.complete(self._state(known.copy(), self.evaluate(known)))
+            return work.last
         failure: AssemblyError | SingularityError | None = None
         for seed in sorted(self.seeds, key=lambda seed: self.distance(y - seed.y)):
             try:
                 work.last = self._settled(self.follow(seed, y))
+                # A doubtful pose is settled anew each time.
+                if self.inverse_norm(work.last) <= DOUBTFUL_INVERSE:
+                    if len(work.followed) >= KNOWN_POSES:
+                        del work.followed[next(iter(work.followed))]
+                    work.followed[key] = work.last.q.copy()
                 return work.last
             except (AssemblyError, SingularityError) as error:
                 failure = failure if failure is not None else error

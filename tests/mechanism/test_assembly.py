@@ -10,7 +10,7 @@ import leg_dynamics as ld
 from leg_dynamics.description import parse
 from leg_dynamics.errors import AssemblyError, DescriptionError, LegDynamicsWarning, SingularityError
 from leg_dynamics.mechanism.assembly import find_closed_poses
-from leg_dynamics.mechanism.mechanism import FARTHEST, Mechanism
+from leg_dynamics.mechanism.mechanism import CONTINUATION_STEP, FARTHEST, Mechanism
 
 from ..five_bar import five_bar
 
@@ -21,7 +21,7 @@ def values(mechanism, state):
 
 def cold(mechanism, y):
     """The pose as a mechanism that has closed nothing yet finds it."""
-    mechanism._workspace.last = None
+    mechanism.forget(every_pose=True)
     return mechanism.close(np.atleast_1d(np.asarray(y, dtype=float)))
 
 
@@ -300,3 +300,47 @@ def test_the_omnileg_finds_the_papers_branch_2000_times(lab, omnileg, omnileg_bo
     for y in rng.uniform(*omnileg_box, (2000, 3)):
         got, expected = values(omnileg, omnileg.close(y)), lab.omnileg_tree(y)
         assert max(abs(got[name] - expected[name]) for name in expected) < 1e-11, y
+
+
+def test_a_pose_followed_from_a_seed_is_followed_once(lab, monkeypatch):
+    mechanism = lab.closed_mechanism("universal", 1)
+    seed = mechanism.seeds[0]
+    far = seed.y + 1.2 * CONTINUATION_STEP * mechanism.closure.coordinate_unit[mechanism.independent]
+    first = mechanism.close(far)
+    mechanism.forget()
+    with monkeypatch.context() as patch:
+        patch.setattr(mechanism, "follow", None)
+        again = mechanism.close(far)
+    assert again is not first
+    np.testing.assert_allclose(again.q, first.q, atol=1e-14)
+    np.testing.assert_allclose(again.G, first.G, atol=1e-12)
+    # Whoever changes a result changes no memory.
+    again.q[:] = np.nan
+    mechanism.forget()
+    np.testing.assert_array_equal(mechanism.close(far).q, first.q)
+    mechanism.forget(every_pose=True)
+    monkeypatch.setattr(mechanism, "follow", None)
+    with pytest.raises(TypeError):
+        mechanism.close(far)
+
+
+def test_a_pose_of_another_mode_is_followed_anew(lab):
+    linkage, theta = lab.FourBar(), np.array([1.1])
+    mechanism, crossed = (Mechanism(parse(linkage.text(0.6, mode).xml)) for mode in (1.0, -1.0))
+    before = mechanism.close(theta).q
+    there = crossed.close(theta).q
+    assert not np.allclose(before, there, atol=0.1)
+    mechanism.adopt_seeds(crossed.seeds)
+    mechanism.forget()
+    np.testing.assert_allclose(mechanism.close(theta).q, there, atol=1e-12)
+
+
+def test_only_so_many_poses_are_kept(lab, monkeypatch):
+    monkeypatch.setattr("leg_dynamics.mechanism.mechanism.KNOWN_POSES", 3)
+    mechanism = lab.closed_mechanism("universal", 1)
+    unit = mechanism.closure.coordinate_unit[mechanism.independent]
+    ways = [mechanism.seeds[0].y + share * unit for share in (0.31, 0.32, 0.33, 0.34)]
+    for y in ways:
+        mechanism.forget()
+        mechanism.close(y)
+    assert [y.tobytes() in mechanism._workspace.followed for y in ways] == [False, True, True, True]

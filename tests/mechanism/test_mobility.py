@@ -89,7 +89,7 @@ def test_without_gears_a_leg_is_not_folded_through_the_straight_pose(omnileg_des
         beyond[shank] = target
         for forget in (False, True):
             if forget:
-                mechanism._workspace.last = None
+                mechanism.forget(every_pose=True)
             with pytest.raises(SingularityError, match="singular"):
                 mechanism.close(beyond)
 

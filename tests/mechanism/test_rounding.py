@@ -173,7 +173,7 @@ def test_the_way_to_a_nearly_singular_pose_does_not_show(lab):
     y = np.array([0.02])
     values = []
     for before in (0.8, 0.3, 0.021, 0.02 + 1e-9, 0.019, 0.012):
-        mechanism._workspace.last = None
+        mechanism.forget(every_pose=True)
         mechanism.close(np.array([before]))
         values.append(mechanism.generalized_force(mechanism.close(y), FAST, PUSH))
     assert np.ptp(values) < 1e-9
