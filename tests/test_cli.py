@@ -23,7 +23,10 @@ from typer.testing import CliRunner
 import leg_dynamics
 from leg_dynamics import cli
 from leg_dynamics.analysis.trajectories import omnileg_eq52
-from leg_dynamics.errors import CrosscheckError, LegDynamicsWarning
+from leg_dynamics.cli.files import write_atomically
+from leg_dynamics.cli.motion import summarize, torque_along
+from leg_dynamics.cli.output import ascii_substitute, chunks, complain
+from leg_dynamics.errors import CrosscheckError, LegDynamicsWarning, NonFiniteError, OutputError
 
 # The package's attribute of that name is the function.
 CROSSCHECK = importlib.import_module("leg_dynamics.verification.crosscheck")
@@ -165,7 +168,7 @@ def test_a_programming_error_is_not_hidden(monkeypatch):
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
 def test_every_terminal_encoding_works(encoding):
-    environment = {"PYTHONIOENCODING": encoding, "PYTHONPATH": str(Path(cli.__file__).parents[1]), "PATH": ""}
+    environment = {"PYTHONIOENCODING": encoding, "PYTHONPATH": str(Path(cli.__file__).parents[2]), "PATH": ""}
     command = [sys.executable, "-m", "leg_dynamics.cli", "torque", "omnileg", *SHORT]
     result = subprocess.run(command, capture_output=True, env=environment, check=False)
     text = result.stdout.decode(encoding)
@@ -175,11 +178,11 @@ def test_every_terminal_encoding_works(encoding):
 
 def test_substitutes_are_readable():
     error = UnicodeEncodeError("ascii", "2 N·m² α", 3, 4, "")
-    assert cli._ascii_substitute(error) == ("*", 4)
+    assert ascii_substitute(error) == ("*", 4)
     error.start, error.end = 5, 8
-    assert cli._ascii_substitute(error) == ("^2??", 8)
+    assert ascii_substitute(error) == ("^2??", 8)
     with pytest.raises(UnicodeDecodeError):
-        cli._ascii_substitute(UnicodeDecodeError("ascii", b"\xff", 0, 1, ""))
+        ascii_substitute(UnicodeDecodeError("ascii", b"\xff", 0, 1, ""))
 
 
 def launch(*arguments, stdout, size=None, prefix=()):
@@ -190,7 +193,7 @@ def launch(*arguments, stdout, size=None, prefix=()):
 
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
-    environment = {"PYTHONPATH": str(Path(cli.__file__).parents[1]), "PATH": os.defpath, "PYTHONDONTWRITEBYTECODE": "1"}
+    environment = {"PYTHONPATH": str(Path(cli.__file__).parents[2]), "PATH": os.defpath, "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
         [*prefix, sys.executable, "-m", "leg_dynamics.cli", *arguments],
         stdout=stdout,
@@ -246,7 +249,7 @@ def test_full_standard_error_keeps_the_exit_code(monkeypatch):
             raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(sys, "stderr", Full())
-    cli._complain("lost")
+    complain("lost")
 
 
 @pytest.mark.parametrize(
@@ -469,7 +472,7 @@ def test_torque_compares_two_routes(tmp_path):
 
 
 def test_torque_fails_where_routes_disagree(monkeypatch):
-    monkeypatch.setattr(cli, "AGREEMENT", -1.0)
+    monkeypatch.setattr("leg_dynamics.cli.motion.AGREEMENT", -1.0)
     result = run("torque", "omnileg", *SHORT, "--compare", "pinocchio")
     assert result.code == 1
     assert "DISAGREE" in result.out
@@ -509,11 +512,11 @@ def test_torques_out_of_range(monkeypatch, value):
 
     monkeypatch.setattr(type(leg), "torque", torque)
     if value == 1e150:
-        peak = cli._summary(leg, motion, cli._torque(leg, motion))["actuators"][1]
+        peak = summarize(leg, motion, torque_along(leg, motion))["actuators"][1]
         assert (peak["peak"], peak["time_of_peak"], np.isfinite(peak["rms"])) == (1e150, 0.03, True)
     else:
-        with pytest.raises(cli.NonFiniteError, match=r"torque overflows: M1 is .* at t = 0\.03 s") as caught:
-            cli._torque(leg, motion)
+        with pytest.raises(NonFiniteError, match=r"torque overflows: M1 is .* at t = 0\.03 s") as caught:
+            torque_along(leg, motion)
         assert caught.value.rows.tolist() == [3]
 
 
@@ -695,15 +698,15 @@ def test_a_failed_write_leaves_nothing_behind(tmp_path):
         path.write_text("half", encoding="utf-8")
         raise OSError(28, "No space left on device")
 
-    with pytest.raises(cli.OutputError, match=r"result\.txt cannot be written: No space left on device"):
-        cli._write_atomically(target, fail)
+    with pytest.raises(OutputError, match=r"result\.txt cannot be written: No space left on device"):
+        write_atomically(target, fail)
     assert [path.name for path in tmp_path.iterdir()] == ["result.txt"]
     assert target.read_text(encoding="utf-8") == "old"
 
 
 def test_a_written_file_is_whole_and_readable_like_any_other(tmp_path):
     (tmp_path / "other").touch()
-    cli._write_atomically(tmp_path / "result.txt", lambda path: path.write_text("new", encoding="utf-8"))
+    write_atomically(tmp_path / "result.txt", lambda path: path.write_text("new", encoding="utf-8"))
     assert (tmp_path / "result.txt").read_text(encoding="utf-8") == "new"
     assert (tmp_path / "result.txt").stat().st_mode == (tmp_path / "other").stat().st_mode
 
@@ -715,7 +718,7 @@ def test_a_folder_is_no_output_file(tmp_path):
 
 
 def write(path):
-    cli._write_atomically(path, lambda temporary: temporary.write_text("new", encoding="utf-8"))
+    write_atomically(path, lambda temporary: temporary.write_text("new", encoding="utf-8"))
 
 
 def test_a_link_stays_and_its_target_is_written(tmp_path):
@@ -734,10 +737,10 @@ def test_a_link_stays_and_its_target_is_written(tmp_path):
 
 def test_links_to_nowhere_are_refused(tmp_path):
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
-    with pytest.raises(cli.OutputError, match="loop of symbolic links"):
+    with pytest.raises(OutputError, match="loop of symbolic links"):
         write(tmp_path / "loop")
     (tmp_path / "link").symlink_to(tmp_path / "absent" / "file")
-    with pytest.raises(cli.OutputError, match=r"the folder .*absent of file does not exist"):
+    with pytest.raises(OutputError, match=r"the folder .*absent of file does not exist"):
         write(tmp_path / "link")
 
 
@@ -753,13 +756,18 @@ def test_only_regular_files_are_replaced(tmp_path, monkeypatch, linked):
             if linked:
                 path = Path(f"link_to_{name}")
                 path.symlink_to(name)
-            with pytest.raises(cli.OutputError, match=f"{path}.* is {kind}; name a file"):
+            with pytest.raises(OutputError, match=f"{path}.* is {kind}; name a file"):
                 write(path)
             assert os.lstat(name).st_mode == mode
 
 
+def load_nothing(monkeypatch):
+    for room in ("papers", "preview", "torque"):
+        monkeypatch.setattr(f"leg_dynamics.cli.{room}.load_leg", None)
+
+
 def test_every_output_option_is_checked_before_the_computation(tmp_path, monkeypatch):
-    monkeypatch.setattr(cli, "_load", None)
+    load_nothing(monkeypatch)
     file = tmp_path / "kept.png"
     file.write_text("old", encoding="utf-8")
     file.chmod(0o444)
@@ -776,7 +784,7 @@ def test_write_protection_of_others_counts_too(tmp_path, monkeypatch):
     file = tmp_path / "file.txt"
     file.write_text("old", encoding="utf-8")
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    with pytest.raises(cli.OutputError, match="write-protected"):
+    with pytest.raises(OutputError, match="write-protected"):
         write(file)
     monkeypatch.undo()
     file.chmod(0o600)
@@ -800,7 +808,7 @@ def test_an_empty_output_is_not_the_current_folder(tmp_path, monkeypatch):
 
 
 def test_what_stands_where_a_folder_is_needed_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(cli, "_load", None)
+    load_nothing(monkeypatch)
     monkeypatch.setattr("leg_dynamics.papers.find", None)
     folder, plots = tmp_path / "out", tmp_path / "out" / "plots"
     folder.mkdir()
@@ -1025,10 +1033,10 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch):
 
     monkeypatch.setattr(sys, "stderr", Terminal())
     monkeypatch.setenv("TERM", "xterm")
-    assert [rows.start for rows in cli._chunks(600, "torque rows")] == [0, 256, 512]
+    assert [rows.start for rows in chunks(600, "torque rows")] == [0, 256, 512]
     assert "torque rows" in sys.stderr.getvalue()
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    assert len(list(cli._chunks(600, "torque rows"))) == 3
+    assert len(list(chunks(600, "torque rows"))) == 3
     assert sys.stderr.getvalue() == ""
 
 

@@ -34,7 +34,8 @@ def test_help_is_that_of_the_benchmarks():
 
 
 def test_outside_of_a_checkout_one_line_says_where_they_are(monkeypatch, tmp_path):
-    monkeypatch.setattr(cli, "__file__", str(tmp_path / "site-packages" / "leg_dynamics" / "cli.py"))
+    installed = tmp_path / "site-packages" / "leg_dynamics" / "cli" / "bench.py"
+    monkeypatch.setattr("leg_dynamics.cli.bench.__file__", str(installed))
     result = CliRunner().invoke(cli.app, ["bench", "--quick"])
     assert result.exit_code == 2
     assert "the benchmarks are not part of the installed package" in result.output
