@@ -51,8 +51,15 @@ FARTHEST = 1e3
 # The tangent must predict the corrected point to this share of the step, or the step is halved.
 CORRECTION_SHARE = 0.3
 SAFE_CORRECTION = 0.01
-# Poses kept for each thread.
+# Kept for each thread.
 KNOWN_POSES = 20_000
+KNOWN_ANCHORS = 4_000
+# Side of a cell with one anchor, rad or lengths of the mechanism; the anchor must predict the poses in it to this share
+# of the motion.
+ANCHOR_CELL = 0.1
+ANCHOR_SHARE = 0.25
+POSE_ROUNDING = 1e-9
+RIGHT_BEFORE = 1e-4
 # Near a singular pose the tangent may turn by this share in a step.
 TURNED_SHARE = 0.2
 RANK_TOLERANCE = 1e-9
@@ -132,7 +139,10 @@ class LoopForces:
 
 
 class _Workspace(threading.local):
-    """One thread's pinocchio model copy and data, the state it closed last, and poses that it followed from a seed."""
+    """One thread's pinocchio model copy and data, the state it closed last, and poses that it followed from a seed.
+
+    `followed` holds tree coordinates by the bytes of y; `anchors` one state in each cell of the space of y.
+    """
 
     def __init__(self, tree: Tree) -> None:
         self.model = tree.model.copy()
@@ -140,6 +150,7 @@ class _Workspace(threading.local):
         self.memory = FrameMemory(self.model, self.data)
         self.last: ClosedState | None = None
         self.followed: dict[bytes, np.ndarray] = {}
+        self.anchors: dict[tuple[int, ...], ClosedState] = {}
         self.followed_from: tuple[ClosedState, ...] | None = None
 
 
@@ -676,14 +687,15 @@ class Mechanism:
         self._workspace.last = None
         if every_pose:
             self._workspace.followed.clear()
+            self._workspace.anchors.clear()
 
     def close(self, y: np.ndarray) -> ClosedState:
-        """Tree coordinates that close the loops at y (n,), in the assembly mode of the nearest seed.
+        """Tree coordinates that close the loops at y (n,): where the straight way from the nearest seed leads.
 
-        Starts from the last pose of this thread where it is near (see `remembers`), else follows the mode from a seed,
-        which is done once for the same y.
-        Close to the boundary of the mode's reach, a pose may be reached from a neighbour and not on the straight way
-        from a seed.
+        The last pose of this thread is a shorter way where it is near (see `remembers`) and the arrival is known to lie
+        on the same sheet of poses as one nearby that was followed from a seed. For around a cusp one sheet runs
+        smoothly into another, and small steps would carry a mechanism to the other assembly mode unnoticed. At the edge
+        of what straight ways reach, a neighbour may lead a little further than the straight way would.
 
         Raises
         ------
@@ -700,27 +712,27 @@ class Mechanism:
             q[self.independent] = y
             return self._state(q, self._no_rows)
         work = self._workspace
-        last = work.last
+        last, near = work.last, None
         if last is not None:
             distance = self.distance(y - last.y)
             if distance == 0.0:
                 return last
             if self.remembers and distance <= CONTINUATION_STEP:
-                state = self.advance(last, y)
-                if state is not None:
-                    work.last = self._settled(state)
+                near = self.advance(last, y)
+                if near is not None and self._is_anchored(near):
+                    work.last = self._settled(near)
                     return work.last
         if work.followed_from is not self.seeds:
-            work.followed, work.followed_from = {}, self.seeds
+            work.followed, work.anchors, work.followed_from = {}, {}, self.seeds
         key = y.tobytes()
         known = work.followed.get(key)
         if known is not None:
-            work.last = self.complete(self._state(known.copy(), self.evaluate(known)))
+            work.last = self._anchored(self.complete(self._state(known.copy(), self.evaluate(known))))
             return work.last
         failure: AssemblyError | SingularityError | None = None
         for seed in sorted(self.seeds, key=lambda seed: self.distance(y - seed.y)):
             try:
-                work.last = self._settled(self.follow(seed, y))
+                work.last = self._anchored(self._settled(self.follow(seed, y)))
                 # A doubtful pose is settled anew each time.
                 if self.inverse_norm(work.last) <= DOUBTFUL_INVERSE:
                     if len(work.followed) >= KNOWN_POSES:
@@ -730,7 +742,52 @@ class Mechanism:
             except (AssemblyError, SingularityError) as error:
                 failure = failure if failure is not None else error
         assert failure is not None
+        if last is not None and near is not None and self._meets(failure, last, y):
+            work.last = self._settled(near)
+            return work.last
         raise failure
+
+    def _meets(self, failure: AssemblyError | SingularityError, last: ClosedState, y: np.ndarray) -> bool:
+        """Whether a way that failed did so right before y, on the sheet of `last`.
+
+        Near a singular pose small steps lead further than those from afar.
+        """
+        q = getattr(failure, "tree_coordinates", None)
+        if q is None or self.distance(q[self.independent] - y) > RIGHT_BEFORE:
+            return False
+        try:
+            beside = self.follow(self.complete(self._state(q, self.evaluate(q))), last.y)
+        except (AssemblyError, SingularityError):
+            return False
+        return float(np.abs((beside.q - last.q) / self.closure.coordinate_unit).max()) <= POSE_ROUNDING
+
+    def _cell(self, y: np.ndarray) -> tuple[int, ...]:
+        scaled = y / self._unit if self._has_lengths else y
+        return tuple(np.floor(scaled * (1.0 / ANCHOR_CELL)).astype(int).tolist())
+
+    def _anchored(self, state: ClosedState) -> ClosedState:
+        """Let a pose that was followed from a seed vouch for its neighbours."""
+        anchors = self._workspace.anchors
+        cell = self._cell(state.y)
+        if len(anchors) >= KNOWN_ANCHORS and cell not in anchors:
+            del anchors[next(iter(anchors))]
+        anchors[cell] = state
+        return state
+
+    def _is_anchored(self, state: ClosedState) -> bool:
+        """Whether a pose is the neighbour of its cell's anchor, and not above or below it on another sheet."""
+        if not len(self.dependent) or not self.closure.loops:
+            return True
+        work = self._workspace
+        anchor = work.anchors.get(self._cell(state.y)) if work.followed_from is self.seeds else None
+        if anchor is None:
+            return False
+        along = state.y - anchor.y
+        expected = anchor.G.dot(along)
+        off = state.q - anchor.q - expected
+        if self._has_lengths:
+            off, expected = off / self.closure.coordinate_unit, expected / self.closure.coordinate_unit
+        return bool(off.dot(off) <= ANCHOR_SHARE**2 * expected.dot(expected) + POSE_ROUNDING**2)
 
     def unwound(self, q: np.ndarray) -> np.ndarray:
         """Tree coordinates (nv,) with passive angles within half a turn of the first seed's.
