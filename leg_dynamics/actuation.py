@@ -12,7 +12,15 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from leg_dynamics.errors import EffortLimitError, ParameterError, RowError, RowFailures, ShapeError, SingularityError
+from leg_dynamics.errors import (
+    EffortLimitError,
+    NonFiniteError,
+    ParameterError,
+    RowError,
+    RowFailures,
+    ShapeError,
+    SingularityError,
+)
 
 __all__ = ["Actuation", "Feasibility", "IdleTorque", "Policy", "actuation_of", "feasibility"]
 
@@ -33,6 +41,10 @@ ROUNDING = 1e-14
 DUST = 1e-14
 # A unit push at an effort that moves it by less leaves it as good as fixed.
 INDEPENDENT = 1e-10
+# What efforts may leave unbalanced where all motions are held, relative to 1 + the largest generalised force.
+BALANCED = 1e-8
+# Stands for all margins below it where they have to be finite: at a limit of 0 any load has one of minus infinity.
+LEAST_MARGIN = -1e9
 
 
 class IdleTorque(NamedTuple):
@@ -181,10 +193,13 @@ class Feasibility:
     effort, speed : (..., m) array
         N·m or N; rad/s or m/s, on the joint side.
     effort_margin, speed_margin : (..., m) array
-        1 - |value| / limit: negative beyond it, 1 where there is no limit.
+        1 - |value| / limit: negative beyond it, 1 where there is no limit, -inf for any value at a limit of 0.
     curve_margin : (..., m) array
-        1 - |effort| / stall effort - |speed| / no-load speed while the actuator drives, 1 - |effort| / stall effort
-        while it brakes; 1 where the file states no such line.
+        1 - max(u + |speed| / no-load speed, |u|), where u is the effort over the stall effort, positive along the speed
+        and negative against it; 1 where the file states no such line. The motor at full voltage is the line
+        u = 1 - |speed| / no-load speed in both quadrants, and its current is never above that at stall: up to the
+        no-load speed, braking is bounded by the stall effort alone; beyond it the motor can hold no effort of zero, it
+        brakes at least by what the line says; from twice the no-load speed on it can do nothing.
     """
 
     actuators: tuple[str, ...]
@@ -210,27 +225,44 @@ class Feasibility:
         return bool(self.ok.all())
 
     def worst(self) -> list[dict[str, Any]]:
-        """For each actuator its least margin of each kind and the flat index of the sample that has it, JSON-ready."""
+        """For each actuator its least margin of each kind and the flat index of the sample that has it, JSON-ready.
+
+        Margins are finite, -1e9 stands for all below it; None is one that could not be computed.
+        """
         rows = []
         for k, name in enumerate(self.actuators):
             entry: dict[str, Any] = {"actuator": name}
-            for kind in ("effort", "speed", "curve"):
-                values = np.asarray(getattr(self, f"{kind}_margin"))[..., k].ravel()
-                sample = int(np.argmin(np.where(np.isnan(values), -np.inf, values))) if values.size else 0
-                entry[f"{kind}_margin"] = float(values[sample]) if values.size else 1.0
+            for kind in _LIMITS:
+                margin, sample = self._least(kind, k)
+                entry[f"{kind}_margin"] = None if np.isnan(margin) else max(margin, LEAST_MARGIN)
                 entry[f"{kind}_sample"] = sample
             entry["feasible"] = bool(self.ok[..., k].all())
             rows.append(entry)
         return rows
 
+    def _least(self, kind: str, k: int) -> tuple[float, int]:
+        """Least margin of an actuator, NaN before all others, and the flat index of its sample."""
+        values = np.asarray(getattr(self, f"{kind}_margin"))[..., k].ravel()
+        # argmin takes the first NaN where there is one.
+        sample = int(np.argmin(values)) if values.size else 0
+        return (float(values[sample]) if values.size else 1.0), sample
+
     def __str__(self) -> str:
-        parts = []
-        for row in self.worst():
-            kind = min(("effort", "speed", "curve"), key=lambda kind: row[f"{kind}_margin"])
-            what = "torque-speed line" if kind == "curve" else f"{kind} limit"
-            verb = "within" if row["feasible"] else "BEYOND"
-            parts.append(f"{row['actuator']}: {verb} its {what}, least margin {row[f'{kind}_margin']:+.1%}")
-        return "; ".join(parts)
+        return "; ".join(f"{name}: {self._said(k)}" for k, name in enumerate(self.actuators))
+
+    def _said(self, k: int) -> str:
+        least = {what: self._least(kind, k) for kind, what in _LIMITS.items()}
+        for margin, sample in least.values():
+            if np.isnan(margin):
+                return f"sample {sample} could not be computed"
+        what = min(least, key=lambda what: least[what][0])
+        margin, _ = least[what]
+        if margin == -np.inf:
+            return f"BEYOND its {what}, which is 0"
+        return f"{'within' if margin >= 0.0 else 'BEYOND'} its {what}, least margin {margin:+.1%}"
+
+
+_LIMITS = {"effort": "effort limit", "speed": "speed limit", "curve": "torque-speed line"}
 
 
 def feasibility(
@@ -256,10 +288,9 @@ def feasibility(
         (np.array(values, dtype=float) for values in zip(*lines, strict=True)) if lines else (np.zeros(0),) * 2
     )
     with np.errstate(invalid="ignore", divide="ignore"):
-        # A limit of zero is no limit but a value of zero.
-        load = _share(np.abs(effort), stall)
-        driving = effort * speed > 0.0
-        curve = 1.0 - load - np.where(driving, _share(np.abs(speed), free), 0.0)
+        load = effort / stall
+        along = np.where(speed < 0.0, -load, load) + np.abs(speed) / free
+        curve = 1.0 - np.maximum(along, np.abs(load))
         margins = [1.0 - _share(np.abs(x), limit) for x, limit in ((effort, limits.effort), (speed, limits.velocity))]
     return Feasibility(tuple(names), effort, speed, margins[0], margins[1], curve)
 
@@ -280,7 +311,8 @@ class Policy(NamedTuple):
     preload : (N, m) or (m,) array
         Efforts to be near to, N·m or N: what of them does no work is kept.
     lower, upper : (m,) array
-        Bounds of the efforts, infinite where there are none.
+        Bounds of the efforts, infinite where there are none. An effort is beyond one, by 1e-9 of it at most, only where
+        the bounds leave no efforts that balance the work.
     """
 
     weights: np.ndarray
@@ -365,7 +397,8 @@ class Policy(NamedTuple):
         names : sequence of str
             The n coordinates.
         failures : RowFailures
-            Receives rows in which a motion that is held elsewhere is not, and those that need more than the bounds.
+            Receives rows in which a motion that is held elsewhere is not, those that need more than the bounds, and
+            those whose efforts are so large that their last digits do not balance the work.
         """
         count, m, n = A.shape
         held = np.array([k for k, name in enumerate(names) if name not in verdict.idle], dtype=np.intp)
@@ -379,7 +412,11 @@ class Policy(NamedTuple):
             if len(held) and not (len(sigma) == len(held) and sigma[-1] > LOST * max(1.0, sigma[0])):
                 failures.add(row, _lost(left, sigma, [names[k] for k in held]))
                 continue
-            chosen = self._shared(B, Q[row, held], preload[row])
+            # What overflows leaves no balance, and is refused for that.
+            with np.errstate(over="ignore", invalid="ignore"):
+                chosen = self._shared(B, Q[row, held], preload[row])
+                if isinstance(chosen, np.ndarray) and (lost := _unbalanced(B, Q[row, held], chosen, preload[row])):
+                    chosen = lost
             if isinstance(chosen, RowError):
                 failures.add(row, chosen)
                 continue
@@ -510,6 +547,26 @@ class _Share:
         """The efforts, or a proof that there are none; None if rounding kept the search from an end."""
         if not len(self.B):
             return np.clip(self.preload, self.lower, self.upper)
+        found = self._searched()
+        return self._inside(found) if isinstance(found, np.ndarray) else found
+
+    def _inside(self, effort: np.ndarray) -> np.ndarray:
+        """The efforts without what BOUND_TOLERANCE let them be beyond their bounds, as far as the balance allows it."""
+        clipped = np.clip(effort, self.lower, self.upper)
+        moved = clipped != effort
+        if not moved.any():
+            return effort
+        # Those that are not at a bound take over what the others lose.
+        loose = ~moved
+        if loose.any():
+            clipped[loose] += np.linalg.lstsq(self.B[:, loose], self.Q - self.B @ clipped, rcond=None)[0]
+            clipped = np.clip(clipped, self.lower, self.upper)
+        terms = np.abs(self.Q) + np.abs(self.B) @ np.abs(clipped)
+        balanced = (np.abs(self.Q - self.B @ clipped) <= ROUNDING * terms).all()
+        return clipped if balanced else effort
+
+    def _searched(self) -> np.ndarray | _Infeasible | None:
+        """`optimum`, whose efforts may be beyond a bound by BOUND_TOLERANCE."""
         none = np.zeros(len(self.weights))
         free = self._with_fixed(none)
         if not self._violation(free, none).any():
@@ -741,10 +798,31 @@ class _Triangle:
         return z
 
 
+def _unbalanced(B: np.ndarray, Q: np.ndarray, efforts: np.ndarray, preload: np.ndarray) -> NonFiniteError | None:
+    """The error for efforts (m,) of which rounding, or an overflow, leaves too little that balances Q (n,)."""
+    # B itself is known to its last digits, which large efforts make count.
+    known_to = 4.0 * np.finfo(float).eps * (np.abs(B) @ np.abs(efforts))
+    left = float((np.abs(B @ efforts - Q) + known_to).max(initial=0.0))
+    size = 1.0 + float(np.abs(Q).max(initial=0.0))
+    limit = BALANCED * size
+    if left <= limit:
+        return None
+    advice = "bring the weights nearer to each other, or use generalized_force, which is always unique"
+    if np.abs(preload).max(initial=0.0) > size:
+        usable = 0.1 * limit / (np.finfo(float).eps * float(np.abs(B).sum(axis=1).max(initial=1.0)))
+        advice = f"the preload {preload.tolist()} is too large for the motion's part to show in its digits: keep it "
+        advice += f"below {usable:.1g}"
+    return NonFiniteError(
+        f"the efforts chosen leave {left:.3g} of the generalised force unbalanced, the limit is {limit:.3g}; {advice}",
+        margin=limit - left,
+        argument="preload",
+    )
+
+
 def _unsettled() -> SingularityError:
     return SingularityError(
         "the choice of efforts within the bounds did not settle: the bounds leave almost nothing to choose there; "
-        "widen or narrow one of them by a little, or bring the weights nearer to each other"
+        "widen or narrow one of them by a little, bring the weights nearer to each other, or lower the preload"
     )
 
 
@@ -766,9 +844,10 @@ def _lost(left: np.ndarray, sigma: np.ndarray, names: Sequence[str]) -> Singular
 
 def _vector(name: str, value: Any, m: int) -> np.ndarray:
     try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+        array = np.asarray(value)
+    except (TypeError, ValueError, OverflowError):
         array = np.zeros(0)
-    if array.shape != (m,):
+    # Of dates, texts and truth values NumPy would make numbers.
+    if array.shape != (m,) or array.dtype.kind not in "iuf":
         raise ShapeError(f"{name} must be {m} numbers, one an actuator, got {value!r}", argument=name)
-    return array
+    return array.astype(float)

@@ -13,7 +13,6 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -28,13 +27,14 @@ from leg_dynamics.errors import (
 
 if TYPE_CHECKING:
     from leg_dynamics.actuation import Actuation
+    from leg_dynamics.description.fixes import Fixes
     from leg_dynamics.description.model import Description
     from leg_dynamics.leg import Leg
     from leg_dynamics.mechanism.mechanism import Mechanism
     from leg_dynamics.mechanism.mobility import MobilityReport
     from leg_dynamics.mechanism.modes import AssemblyMode
 
-__all__ = ["Condition", "Finding", "Inspection", "LoopRedundancy", "inspect"]
+__all__ = ["Condition", "Finding", "Inspection", "LoopRedundancy", "inspect", "refused"]
 
 _SEVERITIES = ("error", "warning", "note")
 _PLACE = re.compile(r"^(?P<file>.*?):(?P<line>\d+): (?P<text>.*)$", re.DOTALL)
@@ -75,8 +75,9 @@ class Finding:
 class LoopRedundancy:
     """Rows of one loop or coupling: `rows` in all, of which `needed` cannot be left out while all the others stay.
 
-    `redundant` = rows - needed of them say what others say as well; `with_` names the loops that say it. `simpler` is a
-    loop type that would leave the same motion with fewer rows; empty where there is none.
+    `redundant` = rows - needed of them say what others say as well; `with_` names the loops that say it. Where no row
+    is needed, the loop may be deleted. `simpler` is a loop type that would leave the same motion with fewer rows; empty
+    where there is none, or where the whole loop may go.
     """
 
     loop: str
@@ -207,6 +208,29 @@ def inspect(
     return Inspection(**found, findings=notes.sorted())
 
 
+def refused(source: str | os.PathLike[str], error: LegDynamicsError) -> Inspection:
+    """The report of a source that `inspect` or `leg_dynamics.load` refuses: its one finding is the error."""
+    notes = _Notes()
+    notes.add_error(error)
+    return Inspection(**_nothing(os.fspath(source)), findings=notes.sorted())
+
+
+def _nothing(shown: str) -> dict[str, Any]:
+    """What is known of a source before it is read."""
+    return {
+        "source": shown,
+        "name": shown,
+        "description": None,
+        "leg": None,
+        "mobility": None,
+        "loops": (),
+        "actuation": None,
+        "modes": (),
+        "condition": None,
+        "legs": {},
+    }
+
+
 class _Notes:
     """Findings as they come."""
 
@@ -246,29 +270,20 @@ def _inspected(
     notes: _Notes,
 ) -> dict[str, Any]:
     from leg_dynamics.description import read
+    from leg_dynamics.description.fixes import fixes_of
     from leg_dynamics.routes import load, source_of
 
     shown = os.fspath(source) if not str(source).lstrip("\ufeff \n").startswith("<") else "<string>"
-    found: dict[str, Any] = {
-        "source": str(shown),
-        "name": str(shown),
-        "description": None,
-        "leg": None,
-        "mobility": None,
-        "loops": (),
-        "actuation": None,
-        "modes": (),
-        "condition": None,
-        "legs": {},
-    }
+    found = _nothing(str(shown))
     try:
         # What `load` reads: a relative path would name the file differently in the same warnings.
         origin = source_of(source)
         description = read(origin, parameters=parameters)
         found["description"], found["name"] = description, description.name
-        _look_at_links(description, notes)
-        _look_at_limits(description, notes)
-        _look_at_loops(description, notes)
+        fixes = fixes_of(description)
+        _look_at_links(description, fixes, notes)
+        _look_at_limits(description, fixes, notes)
+        _look_at_loops(description, fixes, notes)
         leg = load(origin, route="pinocchio", foot=foot, parameters=parameters)
     except (LegNotFoundError, ParameterError, MissingFootError):
         raise
@@ -276,12 +291,7 @@ def _inspected(
         notes.add_error(error)
         return found
     found["leg"] = leg
-    dependent = [joint.name for joint in leg.description.moving_joints if joint.name not in leg.joint_names]
-    notes.flags = f'state independent="true" for {", ".join(leg.joint_names)}' + (
-        f' and independent="false" for {", ".join(dependent)}' if dependent else ""
-    )
-    if _is_mjcf(description):
-        notes.flags = f"MJCF has no such flags: save leg_dynamics.description.read(..).urdf, and there {notes.flags}"
+    notes.flags = fixes.flags(leg.joint_names)
     found["description"] = leg.description
     found["legs"] = _legs(description, leg, notes)
     mechanism: Mechanism = leg.backend.mechanism  # type: ignore[attr-defined]
@@ -293,7 +303,7 @@ def _inspected(
         return found
     _look_at_mobility(found["mobility"], notes)
     found["loops"] = _redundancy(mechanism, seed)
-    _look_at_redundancy(found["loops"], description, notes)
+    _look_at_redundancy(found["loops"], description, fixes, notes)
     sigma = mechanism.singular_values(home)
     if sigma.size:
         found["condition"] = condition = Condition(float(sigma[-1]), float(sigma[0]), mechanism.pose(home.y))
@@ -303,18 +313,16 @@ def _inspected(
                 "nearly-singular-home",
                 f"the home pose is nearly singular: smallest singular value of the closure {sigma[-1]:.3g} of "
                 f"{sigma[0]:.3g}; it is near {mechanism.singular(home)}",
-                'give a <key name="home"> further from it'
-                if _is_mjcf(description)
-                else "give a <configuration name='home'> further from it",
+                fixes.other_home,
             )
     try:
         found["modes"] = leg.assembly_modes()
         found["actuation"] = leg.actuation
     except LegDynamicsError as error:
         notes.add_error(error)
-    _look_at_home(leg, home.q, description, notes)
+    _look_at_home(leg, home.q, fixes, notes)
     if found["actuation"] is not None:
-        _look_at_actuation(leg, found["actuation"], description, notes)
+        _look_at_actuation(leg, found["actuation"], fixes, notes)
     _look_at_mass(leg, mechanism, home, notes)
     return found
 
@@ -326,12 +334,7 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
 
 
-def _is_mjcf(description: Description) -> bool:
-    """Whether texts to paste are MJCF's."""
-    return description.dialect == "MJCF"
-
-
-def _look_at_links(description: Description, notes: _Notes) -> None:
+def _look_at_links(description: Description, fixes: Fixes, notes: _Notes) -> None:
     moving = {joint.child for joint in description.moving_joints}
     welded: dict[str, list[str]] = {joint.parent: [] for joint in description.joints}
     for joint in description.joints:
@@ -358,35 +361,33 @@ def _look_at_links(description: Description, notes: _Notes) -> None:
             (hollow if turns else massless).append(name)
         elif not turns and not spread:
             pointlike.append(name)
+    massless = fixes.own_links(massless)
     if massless:
         notes.add(
             "note",
             "massless-links",
             f"{len(massless)} moving link{'s have' if len(massless) > 1 else ' has'} no mass: {_listed(massless)}; "
             "they are taken as they are, and a motion that moves nothing else has no acceleration",
-            f"give each {'body' if _is_mjcf(description) else 'link'} its <inertial> where it stands for a real body",
+            fixes.inertial,
         )
     if hollow:
         notes.add(
             "warning",
             "inertia-without-mass",
             f"{_listed(hollow)}: rotary inertia without mass, as of a rotor whose mass is counted elsewhere",
-            "if it is a rotor, state the armature of the joint that it turns with"
-            if _is_mjcf(description)
-            else "if it is a rotor, state rotorInertia and mechanicalReduction in its <transmission>",
+            fixes.rotor,
         )
     if pointlike:
         notes.add("note", "point-masses", f"{_listed(pointlike)}: mass without rotary inertia", "")
 
 
-def _look_at_limits(description: Description, notes: _Notes) -> None:
+def _look_at_limits(description: Description, fixes: Fixes, notes: _Notes) -> None:
     driven = {transmission.joint for transmission in description.transmissions}
-    mjcf = _is_mjcf(description)
     for code, what, fix, lacking in (
         (
             "no-position-limits",
             "joint{} without position limits",
-            'range=".. .." of the <joint>' if mjcf else '<limit lower=".." upper=".." effort=".." velocity=".."/>',
+            fixes.position_limits,
             [
                 joint.name
                 for joint in description.moving_joints
@@ -395,15 +396,12 @@ def _look_at_limits(description: Description, notes: _Notes) -> None:
         ),
         (
             "no-effort-limits",
-            "driven joint{} without effort limits" if mjcf else "driven joint{} without effort or velocity limits",
-            'state forcerange=".. .." of the actuator, or actuatorfrcrange of the joint: feasibility is judged by it'
-            if mjcf
-            else 'state effort=".." (N·m or N) and velocity=".." (rad/s or m/s) in <limit>: feasibility is judged by '
-            "them",
+            f"driven joint{{}} without effort{' or velocity' if fixes.has_velocity_limits else ''} limits",
+            fixes.effort_limits,
             [
                 joint.name
                 for joint in description.moving_joints
-                if joint.name in driven and not _is_rated(joint.limits, velocity=not mjcf)
+                if joint.name in driven and not _is_rated(joint.limits, velocity=fixes.has_velocity_limits)
             ],
         ),
     ):
@@ -421,7 +419,7 @@ def _is_rated(limits: Any, velocity: bool) -> bool:
     return math.isfinite(limits.effort) and (not velocity or math.isfinite(limits.velocity))
 
 
-def _look_at_loops(description: Description, notes: _Notes) -> None:
+def _look_at_loops(description: Description, fixes: Fixes, notes: _Notes) -> None:
     if not description.loops and not description.couplings:
         named = [
             link.name for link in description.links if re.search(r"closed?_?loop|loop_?(joint|end)", link.name, re.I)
@@ -431,9 +429,7 @@ def _look_at_loops(description: Description, notes: _Notes) -> None:
                 "warning",
                 "unbound-loops",
                 f"the file closes no loop, but links are named as if they did: {_listed(named)}",
-                "add <connect> or <weld> to <equality>"
-                if _is_mjcf(description)
-                else "add <loop> elements, or put the YAML file that names the closed loops beside the URDF file",
+                fixes.loops,
             )
 
 
@@ -445,11 +441,11 @@ def _legs(description: Description, leg: Leg, notes: _Notes) -> Mapping[str, str
         legs = {name: part.foot for name, part in legs_of(description).items()}
     if leg.foot is None:
         if legs:
-            fix = "take one leg: " + ", ".join(f'.leg("{name}")' for name in list(legs)[:4])
+            fix = "take one leg: " + _listed([f'.leg("{name}")' for name in legs])
         else:
             parents = {joint.parent for joint in description.joints}
             ends = [link.name for link in description.links if link.name not in parents]
-            fix = "name one: " + ", ".join(f"foot={name!r}" for name in ends[:_SHOWN])
+            fix = "name one: " + _listed([f"foot={name!r}" for name in ends])
         notes.add("note", "no-foot", "no foot is named: foot positions, Jacobians and forces need one", fix)
     return legs
 
@@ -468,12 +464,12 @@ def _look_at_mobility(report: MobilityReport, notes: _Notes) -> None:
             "start from another configuration",
         )
     if report.gruebler != report.mobility:
+        redundant = f"{report.redundant} row{'s are' if report.redundant > 1 else ' is'} redundant"
         notes.add(
             "note",
             "overconstrained",
             f"Gruebler's count gives {report.gruebler} ({report.joints} joints - {report.rows} rows), the rank of the "
-            f"rows {report.mobility}: {report.redundant} rows are redundant, so that loop forces are not unique; motor "
-            "torques are not affected",
+            f"rows {report.mobility}: {redundant}, so that loop forces are not unique; motor torques are not affected",
         )
 
 
@@ -490,8 +486,8 @@ def _generic_rows(mechanism: Mechanism, seed: int) -> np.ndarray:
     return np.asarray(home.rows.jacobian * unit)
 
 
-def _rank(K: np.ndarray) -> int:
-    return int(np.linalg.matrix_rank(K, tol=1e-7)) if K.size else 0
+def _rank(K: np.ndarray, share: float) -> int:
+    return int(np.linalg.matrix_rank(K, tol=max(1e-7, share))) if K.size else 0
 
 
 def _redundancy(mechanism: Mechanism, seed: int) -> tuple[LoopRedundancy, ...]:
@@ -500,83 +496,81 @@ def _redundancy(mechanism: Mechanism, seed: int) -> tuple[LoopRedundancy, ...]:
         return ()
     K = _generic_rows(mechanism, seed)
     owner = np.array(closure.row_owner)
-    whole = _rank(K)
+    share = mechanism.rank_share
+    whole = _rank(K, share)
     types = {loop.name: loop.type for loop in closure.loops}
     found = []
     left = np.linalg.svd(K.T)[2][whole:] if whole < len(K) else np.zeros((0, len(K)))
     for name in dict.fromkeys(closure.row_owner):
         mine = owner == name
-        needed = whole - _rank(K[~mine])
+        needed = whole - _rank(K[~mine], share)
         rows = int(mine.sum())
         redundant = rows - needed
         shares = {}
         if redundant:
             # Dependencies among the rows in which this loop takes part, and the loops that take part with it.
             _, sigma, mixed = np.linalg.svd(left[:, mine].T, full_matrices=True)
-            taking = mixed[: int(np.count_nonzero(sigma > 1e-6))] @ left
+            taking = mixed[: int(np.count_nonzero(sigma > max(1e-6, share)))] @ left
             for other in dict.fromkeys(closure.row_owner):
-                if other != name and taking.size and np.abs(taking[:, owner == other]).max() > 1e-6:
+                if other != name and taking.size and np.abs(taking[:, owner == other]).max() > max(1e-6, 10.0 * share):
                     shares[other] = True
         simpler = ""
         kind = types.get(name, "coupling")
-        if redundant and kind in ("revolute", "continuous", "fixed", "universal"):
+        if needed and redundant and kind in ("revolute", "continuous", "fixed", "universal"):
             # A spherical pair has the first three rows of these.
             kept = np.flatnonzero(mine)[:3]
-            if _rank(np.vstack([K[~mine], K[kept]])) == whole:
+            if _rank(np.vstack([K[~mine], K[kept]]), share) == whole:
                 simpler = "spherical"
         found.append(LoopRedundancy(name, kind, rows, needed, redundant, tuple(shares), simpler))
     return tuple(found)
 
 
-def _look_at_redundancy(loops: Sequence[LoopRedundancy], description: Description, notes: _Notes) -> None:
-    simpler = [each for each in loops if each.simpler]
-    for each in simpler[:_SHOWN]:
-        # A loop's line in the text that an MJCF file became is none of the file's.
-        line = next((loop.line for loop in description.loops if loop.name == each.loop), None)
-        line = None if _is_mjcf(description) else line
-        fix = f'<loop name="{each.loop}" type="{each.simpler}"> leaves the same motion'
-        if _is_mjcf(description):
-            fix = f"<connect> in place of <weld> for {each.loop!r} leaves the same motion"
-        elif any(loop.name == each.loop and loop.axis is not None for loop in description.loops):
-            fix = f'<loop name="{each.loop}" type="{each.simpler}"> without its <axis> leaves the same motion'
+def _look_at_redundancy(loops: Sequence[LoopRedundancy], description: Description, fixes: Fixes, notes: _Notes) -> None:
+    lines = {loop.name: loop.line for loop in description.loops}
+    lines |= {coupling.name: coupling.line for coupling in description.couplings}
+    told = [each for each in loops if each.simpler or not each.needed]
+    for each in told:
+        if each.needed:
+            fix = fixes.spherical(each.loop) + (", with the other loops as they are" if len(told) > 1 else "")
+        else:
+            fix = f"{fixes.deletion(each.loop)}: the others leave the same motion" + (
+                f"; only one of {_listed((each.loop, *each.with_))}, then look again" if each.with_ else ""
+            )
+        kind = "coupling" if each.type == "coupling" else f"loop {each.loop!r} ({each.type})"
         notes.add(
             "note",
             "redundant-loop-rows",
-            f"loop {each.loop!r} ({each.type}) has {each.rows} rows, {each.redundant} of them redundant"
+            f"{f'coupling {each.loop!r}' if kind == 'coupling' else kind} has {each.rows} row{'s' * (each.rows != 1)}, "
+            + ("all redundant" if not each.needed else f"{each.redundant} of them redundant")
             + (f" with {_listed(each.with_)}" if each.with_ else ""),
-            fix + (", with the other loops as they are" if len(simpler) > 1 else ""),
+            fix,
             description.file,
-            line,
+            fixes.line(lines.get(each.loop)),
         )
 
 
-def _look_at_home(leg: Leg, q: np.ndarray, description: Description, notes: _Notes) -> None:
-    if not (description.loops or description.couplings):
+def _look_at_home(leg: Leg, q: np.ndarray, fixes: Fixes, notes: _Notes) -> None:
+    if not (fixes.description.loops or fixes.description.couplings):
         return
-    names = leg.tree_joint_names
     from leg_dynamics.mechanism.assembly import close_configuration
 
     mechanism = leg.backend.mechanism  # type: ignore[attr-defined]
     home = leg.description.home
     if home is not None and close_configuration(mechanism, home) is not None:
         return
-    values = "".join(f'<joint name={quoteattr(n)} value="{x:.12g}"/>' for n, x in zip(names, q.tolist(), strict=True))
-    fix = f'<configuration name="home">{values}</configuration>'
-    if _is_mjcf(description):
-        shown = ", ".join(f"{n} {x:.12g}" for n, x in zip(names, q.tolist(), strict=True))
-        fix = f'<key name="home" qpos=".."/> in <keyframe>, with {shown}'
     what = "states no configuration" if home is None else f"has an open or singular configuration {home.name!r}"
     notes.add(
         "warning",
         "no-home",
         f"the file {what}: which assembly mode is meant was chosen from its geometry",
-        fix,
+        fixes.home(dict(zip(leg.tree_joint_names, q.tolist(), strict=True))),
     )
 
 
-def _look_at_actuation(leg: Leg, verdict: Actuation, description: Description, notes: _Notes) -> None:
+def _look_at_actuation(leg: Leg, verdict: Actuation, fixes: Fixes, notes: _Notes) -> None:
     from leg_dynamics.description.topology import actuated_joints
 
+    description = fixes.description
     if verdict.idle:
         joints = [name for name in verdict.idle if leg.description.joint(name).driven]
         fix = "allow_idle=True gives efforts and the residual; generalized_force is always unique" + (
@@ -589,21 +583,12 @@ def _look_at_actuation(leg: Leg, verdict: Actuation, description: Description, n
     if not description.transmissions and description.driven != "none":
         # All of them: a file with some transmissions has no others.
         names = actuated_joints(leg.description)
-        if _is_mjcf(description):
-            motors = "".join(f"<motor name={quoteattr(f'motor_{n}')} joint={quoteattr(n)}/>" for n in names)
-            fix = f"<actuator>{motors}</actuator>"
-        else:
-            fix = "".join(
-                f"<transmission name={quoteattr(f't_{n}')}><joint name={quoteattr(n)}/>"
-                f"<actuator name={quoteattr(f'motor_{n}')}/></transmission>"
-                for n in names
-            )
         text = "no joint is said to be driven: the independent ones are taken"
         if len(names) < len(leg.joint_names):
             text += ", but for " + _listed([name for name in leg.joint_names if name not in names])
-        if _is_mjcf(description) and names:
+        if names and not fixes.names_joints:
             text += "; a joint that has no name in the file has to get the one used here"
-        notes.add("note", "no-transmissions", text, fix if names else "")
+        notes.add("note", "no-transmissions", text, fixes.motors(names) if names else "")
 
 
 def _look_at_mass(leg: Leg, mechanism: Mechanism, home: Any, notes: _Notes) -> None:

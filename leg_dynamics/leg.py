@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, overload
 
@@ -18,6 +19,7 @@ from leg_dynamics.actuation import Actuation, Feasibility, IdleTorque, Policy, a
 from leg_dynamics.errors import (
     ActuationError,
     JointLimitError,
+    LegDynamicsError,
     MissingFootError,
     NonFiniteError,
     ParameterError,
@@ -31,6 +33,7 @@ from leg_dynamics.errors import (
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description, Joint, Parameter
+    from leg_dynamics.description.turns import WholeTurns
 
 __all__ = [
     "AccelerationDerivatives",
@@ -387,6 +390,7 @@ class Leg:
         "_recipe",
         "_route",
         "_torque_row",
+        "_turns",
         "_units",
     )
 
@@ -407,6 +411,7 @@ class Leg:
     _quick: dict[str, Quick]
     _quick_torque: Quick | None
     _torque_row: Callable[..., np.ndarray | None] | None
+    _turns: WholeTurns | None
 
     def __init__(self, route: Route, description: Description, foot: str | None, recipe: Recipe) -> None:
         joints = [description.joint(name) for name in route.joint_names]
@@ -432,6 +437,7 @@ class Leg:
             "_quick": {},
             "_quick_torque": None,
             "_torque_row": None,
+            "_turns": None,
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -529,6 +535,15 @@ class Leg:
             The mechanism has no closed, regular pose.
         """
         return self._route.home_coordinates()
+
+    @property
+    def loop_gap(self) -> float:
+        """How far rounding of the file's numbers keeps loops open that say a thing more than once, rad or m.
+
+        0 where the loops close. The largest of some poses; elsewhere it may be several times as large. Poses are those
+        of the smallest gap, and results are good to about that share.
+        """
+        return float(getattr(self._route, "loop_gap", 0.0))
 
     @property
     def actuator_limits(self) -> Limits:
@@ -745,6 +760,10 @@ class Leg:
     def assemble(self, q: ArrayLike, *, on_error: OnError = "raise") -> dict[str, np.ndarray]:
         """Tree joint coordinates that close the loops.
 
+        Whole turns of a passive angle are no other pose: it is given within half a turn of the home pose, except where
+        that is outside the joint's limits and another whole turn is inside. (`analysis.trajectories.assemble_along`
+        gives angles that are continuous along a motion instead.) Angles in couplings stay as they are.
+
         Parameters
         ----------
         q : (..., n) array_like
@@ -762,8 +781,21 @@ class Leg:
             The assembly mode has no such pose, or it cannot be followed there.
         """
         call = self._arguments(on_error, q=(q, self._n))
-        result = call.run(self._route.tree_coordinates, (len(self.tree_joint_names),), "q")
+        result = self._whole_turns()(call.run(self._route.tree_coordinates, (len(self.tree_joint_names),), "q"))
         return {name: result[..., i] for i, name in enumerate(self.tree_joint_names)}
+
+    def _whole_turns(self) -> WholeTurns:
+        if self._turns is None:
+            from leg_dynamics.description.turns import WholeTurns
+
+            names, home = self.tree_joint_names, np.full(len(self.tree_joint_names), np.nan)
+            # Without a home pose it is what the file states.
+            with suppress(LegDynamicsError):
+                home = self._route.tree_coordinates(self.home, RowFailures())
+            object.__setattr__(self, "_turns", WholeTurns(self._description, names, self.joint_names, home))
+        turns = self._turns
+        assert turns is not None
+        return turns
 
     def foot_position(self, q: ArrayLike, *, on_error: OnError = "raise") -> np.ndarray:
         """Foot position in the hip frame.

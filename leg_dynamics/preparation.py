@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -109,8 +110,11 @@ def _with_flags(description: Description) -> Description:
     idle = [name for name in names if name not in driven]
     passive = f", of which {', '.join(idle)} passive" if driven and idle else ""
     if states_flags(description):
-        stated, _ = split_independent(description)
-        fault = f"the joints stated as independent, {', '.join(stated) or 'none'}, do not fit"
+        independent, _ = split_independent(description)
+        stated = [name for name in independent if description.joint(name).independent_is_stated]
+        silent = [name for name in independent if name not in stated]
+        others = f" with {', '.join(silent)}, independent for want of a flag," if silent else ""
+        fault = f"the joints stated as independent, {', '.join(stated) or 'none'},{others} do not fit"
         advice = "correct the flags"
     else:
         fault, advice = "no joint states an independent flag", "state the flags to choose others"
@@ -142,7 +146,7 @@ def mode_of(description: Description, mode: str | Mapping[str, float]) -> tuple[
         There is no such mode or joint, or a value is not a finite number.
     """
     from leg_dynamics.mechanism.mechanism import Mechanism
-    from leg_dynamics.mechanism.modes import find_modes, mode_near
+    from leg_dynamics.mechanism.modes import NAME_DIGITS, find_modes, mode_near
 
     mechanism = Mechanism(description)
     if isinstance(mode, Mapping):
@@ -157,7 +161,9 @@ def mode_of(description: Description, mode: str | Mapping[str, float]) -> tuple[
     with warnings.catch_warnings():
         # A mode is being chosen: that the file does not say which is no news.
         warnings.simplefilter("ignore", LegDynamicsWarning)
-        for attempts in _ATTEMPTS:
+        # No search finds a name of another form: the first one is enough to list those that there are.
+        is_name = re.fullmatch(rf"mode_[0-9a-f]{{{NAME_DIGITS}}}", mode)
+        for attempts in _ATTEMPTS if is_name else _ATTEMPTS[:1]:
             found = find_modes(mechanism, attempts=attempts)
             for each in found:
                 if each.name == mode:

@@ -355,6 +355,7 @@ def load(
         There is no closed pose of such an assembly mode.
     """
     from leg_dynamics.description import read
+    from leg_dynamics.description.parameters import checked_values
 
     origin = source_of(source)
     named = origin if origin in available() else None
@@ -364,7 +365,7 @@ def load(
         raise RouteError(f"route {route!r} does not exist: choose one of {', '.join(ROUTES)}")
     if urdf is not None:
         origin = source_of(urdf)
-    overrides = dict(parameters or {})
+    overrides = checked_values(parameters)
     preparation = Preparation(trusted=named is not None)
     description = preparation.of(read(origin, parameters=overrides))
     formulas = named if named is not None and has_closed_form(named) else None
@@ -412,6 +413,8 @@ def source_of(source: Any) -> str:
 def _foot(description: Description, foot: str | None) -> str | None:
     if foot is None:
         return "foot" if description.has_link("foot") else None
+    if not isinstance(foot, str):
+        raise MissingFootError(f"foot is the name of a link, got {type(foot).__name__} {foot!r}", foot=foot)
     if not description.has_link(foot):
         raise MissingFootError(
             f"{description.name!r} has no link {foot!r} to be its foot; its links are "

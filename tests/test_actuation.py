@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import pickle
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize
 
 import leg_dynamics as ld
-from leg_dynamics.actuation import Actuation, Policy, _Share, actuation_of
+from leg_dynamics.actuation import Actuation, Policy, _Share, actuation_of, feasibility
 from leg_dynamics.errors import (
     ActuationError,
     DescriptionError,
     EffortLimitError,
+    NonFiniteError,
     ParameterError,
     RowFailures,
     ShapeError,
@@ -157,6 +160,28 @@ def test_preload_keeps_only_what_does_no_work():
     np.testing.assert_allclose(leg.torque(*STATE, preload=A @ np.array([3.0, 1.0])), tau, atol=1e-9)
     many = leg.torque(*(np.array([x, x]) for x in STATE), preload=np.array([0.0 * null, 5.0 * null]))
     np.testing.assert_allclose(many[1] - many[0], 5.0 * null, atol=1e-9)
+
+
+def test_a_preload_whose_digits_do_not_hold_the_motion_is_refused():
+    leg = ld.load(five_bar(("ma", "mb", "ka")))
+    A, force = leg.actuator_jacobian(STATE[0]), leg.generalized_force(*STATE)
+    null = np.linalg.svd(A.T)[2][-1]
+    size = 1.0 + np.abs(force).max()
+    for scale in (1.0, 1e3, 1e6):
+        tau = leg.torque(*STATE, preload=scale * null)
+        assert np.abs(A.T @ tau - force).max() <= 1e-8 * size
+    for huge in (1e9, 1e12, 1e17, 1e300, 1.7e308):
+        with pytest.raises(NonFiniteError, match="is too large for the motion's part") as caught:
+            leg.torque(*STATE, preload=[huge] * 3)
+        assert not caught.value.margin[0] >= 0.0
+    usable = float(str(caught.value).rsplit(" ", 1)[1])
+    assert np.isfinite(leg.torque(*STATE, preload=usable * null)).all()
+    bounded = leg.torque(*STATE, preload=[1e8] * 3, bounds=[50.0] * 3)
+    np.testing.assert_allclose(A.T @ bounded, force, atol=1e-9)
+    states = [np.array([x, x]) for x in STATE]
+    some = leg.torque(*states, preload=[[1.0] * 3, [1e17] * 3], on_error="nan")
+    assert np.isfinite(some[0]).all()
+    assert np.isnan(some[1]).all()
 
 
 @pytest.mark.parametrize("route", ROUTES)
@@ -499,6 +524,11 @@ def test_actuators_that_move_nothing_keep_to_their_preload():
         ({"weights": [1.0, 2.0]}, ShapeError, "weights must be 3 numbers"),
         ({"weights": [1.0, -2.0, 1.0]}, ParameterError, "positive"),
         ({"weights": "abc"}, ShapeError, "weights"),
+        ({"weights": ["1", "2", "3"]}, ShapeError, "weights must be 3 numbers"),
+        ({"weights": np.array([1, 2, 3], "timedelta64[s]")}, ShapeError, "weights must be 3 numbers"),
+        ({"weights": [True, True, True]}, ShapeError, "weights must be 3 numbers"),
+        ({"bounds": np.array(["2020", "2021", "2022"], "datetime64")}, ShapeError, "bounds must be 3 numbers"),
+        ({"bounds": ([-9.0] * 3, np.array([1, 2, 3], "timedelta64[s]"))}, ShapeError, r"bounds\[1\] must be 3"),
         ({"bounds": [1.0]}, ShapeError, "bounds must be 3"),
         ({"bounds": ([1.0] * 3, [0.0] * 3)}, ParameterError, "lower <= upper"),
         ({"bounds": [math.nan] * 3}, ParameterError, "lower <= upper"),
@@ -549,6 +579,73 @@ def test_the_torque_speed_line_holds_while_driving():
     assert not leg.feasible(q, [4.1, 0.0], a, torque=[6.0, 0.0])
     worst = leg.feasible(np.array([q, q]), [[1.0, 0.0], [4.1, 0.0]], a, torque=[[6.0, 0.0], [6.0, 0.0]]).worst()[0]
     assert (worst["curve_sample"], worst["feasible"]) == (1, False)
+
+
+def curve(effort, speed, line=(12.0, 100.0 / 6.0)):
+    """Margin to a torque-speed line at one effort and speed."""
+    unlimited = SimpleNamespace(effort=np.array([np.inf]), velocity=np.array([np.inf]))
+    return float(feasibility(np.array([effort]), np.array([speed]), unlimited, [line], ["M"]).curve_margin[0])
+
+
+def test_beyond_the_no_load_speed_a_motor_holds_no_effort_of_zero():
+    for effort in (1e-12, 0.0, -1e-12):
+        assert curve(effort, 50.0) == pytest.approx(-2.0)
+        assert curve(-effort, -50.0) == pytest.approx(-2.0)
+    assert curve(0.0, 100.0 / 6.0) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("speed", np.linspace(-2.5, 2.5, 26))
+def test_the_line_is_that_of_a_motor_between_its_full_voltages(speed):
+    stall, free = 12.0, 7.0
+    efforts = np.linspace(-1.3, 1.3, 261)
+    margins = np.array([curve(stall * u, free * speed, (stall, free)) for u in efforts])
+    # With voltage V, of full voltage, the current over that at stall is V - speed / free, and so is the effort.
+    voltage = efforts + speed
+    can = (np.abs(voltage) <= 1.0 + 1e-9) & (np.abs(efforts) <= 1.0 + 1e-9)
+    # At lower speeds braking is done within full voltage anyway.
+    np.testing.assert_array_equal(margins >= -1e-9, can)
+    assert np.abs(np.diff(margins)).max() < 0.011  # continuous: slopes are at most 1 per stall effort
+
+
+def test_a_limit_of_zero_and_rows_that_cannot_be_computed_are_json():
+    leg = ld.load(five_bar(effort=0.0))
+    found = leg.feasible(STATE[0], STATE[1], STATE[2], torque=[0.5, 0.0])
+    assert found.effort_margin.tolist() == [-math.inf, 1.0]
+    worst = found.worst()
+    assert [row["effort_margin"] for row in worst] == [-1e9, 1.0]
+    assert [row["feasible"] for row in worst] == [False, True]
+    assert json.loads(json.dumps(worst, allow_nan=False)) == worst
+    assert str(found).startswith("M_ma: BEYOND its effort limit, which is 0; M_mb: within")
+    lost = ld.load(five_bar()).feasible(np.array([STATE[0], [0.0, math.pi]]), STATE[1], STATE[2], on_error="nan")
+    row = lost.worst()[0]
+    assert (row["effort_margin"], row["effort_sample"], row["feasible"]) == (None, 1, False)
+    assert json.dumps(lost.worst(), allow_nan=False)
+    assert str(lost).startswith("M_ma: sample 1 could not be computed")
+
+
+def test_efforts_are_within_their_bounds_to_the_last_digit():
+    """Also where a bound that is just too narrow for the optimum would be let pass."""
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        B, Q = rng.normal(size=(2, 4)), rng.normal(size=2)
+        free = _Share(B, Q, np.ones(4), np.zeros(4), np.full(4, -np.inf), np.full(4, np.inf)).optimum()
+        bound = np.abs(free) * (1.0 - 10.0 ** rng.uniform(-14.0, -8.0, 4))
+        bound[int(rng.integers(4))] = np.inf
+        bound[int(rng.integers(4))] = np.inf
+        share = _Share(B, Q, np.ones(4), np.zeros(4), -bound, bound)
+        if np.isfinite(bound).sum() > 2:
+            continue
+        efforts = share.optimum()
+        assert (np.abs(efforts) <= bound).all()
+        np.testing.assert_allclose(B @ efforts, Q, atol=1e-12 * (1.0 + np.abs(B).max() * np.abs(efforts).max()))
+        np.testing.assert_allclose(efforts, free, atol=1e-5 * np.abs(free).max())
+
+
+def test_bounds_that_are_too_narrow_by_rounding_keep_the_balance():
+    share = _Share(np.ones((1, 2)), np.array([2.0]), np.ones(2), np.zeros(2), -np.ones(2), np.full(2, 1.0 - 1e-12))
+    efforts = share.optimum()
+    assert efforts.sum() == pytest.approx(2.0, abs=1e-15)
+    assert (efforts <= 1.0 + 1e-9).all()
 
 
 def test_speed_of_a_motor_on_a_dependent_joint():

@@ -13,6 +13,7 @@ import leg_dynamics as ld
 from leg_dynamics import cli
 
 from .five_bar import TOGGLE, five_bar
+from .test_inspection import gantries
 
 
 @pytest.fixture(autouse=True)
@@ -81,6 +82,29 @@ def test_info_on_a_file_with_errors_exits_1(tmp_path):
     path.write_text(five_bar().replace('xyz="-0.1 0 0"', 'xyz="-5 0 0"'))
     done = run("info", path, "--json")
     assert (done.exit_code, strict(done.stdout)["passed"]) == (1, False)
+
+
+def test_info_of_what_is_not_there_is_json_all_the_same(tmp_path):
+    for source, code in ((tmp_path / "none.urdf", "leg-not-found"), (tmp_path, "leg-not-found")):
+        done = run("info", source, "--json")
+        facts = strict(done.stdout)
+        assert (done.exit_code, facts["passed"], facts["source"]) == (2, False, str(source))
+        assert [(each["severity"], each["code"]) for each in facts["findings"]] == [("error", code)]
+        assert facts["findings"][0]["text"] in done.stderr.replace("\n", "")
+        assert run("info", source).stdout == ""
+    for options, code in ((("--foot", "nowhere"), "missing-foot"), (("--set", "nothing=1"), "parameter")):
+        done = run("info", "omnileg", *options, "--json")
+        assert (done.exit_code, strict(done.stdout)["findings"][0]["code"]) == (2, code)
+
+
+def test_info_says_how_many_more_there_are(tmp_path):
+    path = tmp_path / "gantries.urdf"
+    path.write_text(gantries(9), encoding="utf-8")
+    done = run("info", path)
+    assert done.stdout.count("[redundant-loop-rows] gantries.urdf:") == 6
+    assert "[redundant-loop-rows] and 3 more, which --json lists" in done.stdout
+    found = [each["code"] for each in strict(run("info", path, "--json").stdout)["findings"]]
+    assert found.count("redundant-loop-rows") == 9
 
 
 def test_torque_flags_what_the_actuators_cannot_do(written, tmp_path):

@@ -74,6 +74,63 @@ def test_two_loops_that_say_the_same_are_named_together():
     by_name = {each.loop: each for each in report.loops}
     assert by_name["pin"].with_ == ("again",)
     assert by_name["pin"].needed == by_name["again"].needed == 0
+    first, second = (each for each in report.findings if each.code == "redundant-loop-rows")
+    assert first.fix.startswith('delete <loop name="pin">')
+    assert "only one of again, pin" in second.fix
+    for name in ("pin", "again"):
+        after = inspect(re.sub(f'<loop name="{name}".*?</loop>', "", text))
+        assert after.mobility.mobility == report.mobility.mobility == 2
+        assert not [each for each in after.findings if "all redundant" in each.text]
+
+
+def gantries(count):
+    """Pairs of parallel slides, each joined by a rigid loop of which one row is needed."""
+    body = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>'
+    slides = "".join(
+        f'<link name="{side}{k}">{body}</link><joint name="j{side}{k}" type="prismatic"><parent link="base"/>'
+        f'<child link="{side}{k}"/><origin xyz="{x} {k} 0"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for k in range(count)
+        for side, x in (("a", 0), ("b", 1))
+    )
+    loops = "".join(
+        f'<loop name="beam{k}" type="fixed"><predecessor link="a{k}"><origin xyz="1 0 0"/></predecessor>'
+        f'<successor link="b{k}"/></loop>'
+        for k in range(count)
+    )
+    return f'<robot name="r"><link name="base"/>{slides}{loops}</robot>'
+
+
+def test_findings_of_one_kind_are_all_there():
+    report = inspect(gantries(9), samples=3)
+    found = [each for each in report.to_dict()["findings"] if each["code"] == "redundant-loop-rows"]
+    assert [re.search("beam.", each["text"])[0] for each in found] == [f"beam{k}" for k in range(9)]
+
+
+def test_a_coupling_that_others_imply_can_be_deleted():
+    body = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>'
+    hinges = "".join(
+        f'<link name="l{k}">{body}</link><joint name="j{k}" type="continuous"><parent link="base"/>'
+        f'<child link="l{k}"/><axis xyz="0 0 1"/></joint>'
+        for k in range(3)
+    )
+    gears = [
+        f'<coupling name="g{a}{b}"><predecessor link="l{a}"/><successor link="l{b}"/><ratio value="{r}"/></coupling>'
+        for a, b, r in ((0, 1, 2.0), (1, 2, 3.0), (0, 2, 6.0))
+    ]
+    report = inspect(f'<robot name="r"><link name="base"/>{hinges}{"".join(gears)}</robot>', samples=3)
+    fixes = [each.fix for each in report.findings if each.code == "redundant-loop-rows"]
+    assert [fix.partition(":")[0] for fix in fixes] == [f'delete <coupling name="g{n}">' for n in ("01", "12", "02")]
+    for k in range(3):
+        left = "".join(gears[:k] + gears[k + 1 :])
+        after = inspect(f'<robot name="r"><link name="base"/>{hinges}{left}</robot>', samples=3)
+        assert after.mobility.mobility == report.mobility.mobility == 1
+
+
+def test_flags_that_nobody_stated_are_not_called_stated():
+    text = five_bar().replace('independent="false"', "", 1)
+    note = next(each for each in inspect(text).findings if "do not fit" in each.text)
+    assert "stated as independent, ma, mb, with ka, independent for want of a flag, do not fit" in note.text
 
 
 def test_a_missing_pose_comes_with_one_to_copy():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -11,8 +12,9 @@ import numpy as np
 import pytest
 
 import leg_dynamics as ld
-from leg_dynamics.description import render, shipped_urdf, shipped_xacro
+from leg_dynamics.description import read, render, shipped_urdf, shipped_xacro
 from leg_dynamics.errors import (
+    AssemblyError,
     DescriptionError,
     FormulaAssumptionError,
     LegNotFoundError,
@@ -310,3 +312,31 @@ def test_the_transmission_model_is_chosen_at_loading_and_survives_replace_and_pi
 def test_a_transmission_model_that_does_not_exist_here_is_refused(options):
     with pytest.raises(RouteError):
         ld.load("omnileg", **options)
+
+
+@pytest.mark.parametrize("foot", [["foot"], {"foot": 1}, 5, b"foot"])
+def test_a_foot_that_is_no_name_is_refused(foot):
+    with pytest.raises(MissingFootError, match="foot is the name of a link"):
+        ld.load("omnileg", foot=foot)
+
+
+@pytest.mark.parametrize("parameters", [[1], "abc", 0, [("L1", 0.2)]])
+def test_parameters_that_are_no_mapping_are_refused(parameters):
+    for function in (ld.load, read, render):
+        with pytest.raises(ParameterError, match="parameters are a mapping"):
+            function("omnileg", parameters=parameters)
+
+
+def test_a_file_whose_loops_do_not_close_is_named(tmp_path):
+    path = tmp_path / "open.urdf"
+    loop = (
+        '<loop name="far" type="spherical"><predecessor link="base"><origin xyz="9 9 9"/></predecessor>'
+        '<successor link="arm"/></loop></robot>'
+    )
+    path.write_text(TWO_LINKS.replace("</robot>", loop))
+    for route in ("pinocchio", "symbolic"):
+        leg = ld.load(path, route=route)
+        with pytest.raises(AssemblyError, match=rf"^{re.escape(str(path))}: no regular closed pose") as caught:
+            leg.torque([0.1], [0.0], [0.0])
+        assert caught.value.file == str(path)
+        assert pickle.loads(pickle.dumps(caught.value)).file == str(path)

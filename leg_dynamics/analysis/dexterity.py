@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from leg_dynamics.analysis.arguments import number
 from leg_dynamics.errors import NonFiniteError, ParameterError, ShapeError, WorkspaceError
 
 if TYPE_CHECKING:
@@ -116,12 +117,16 @@ def column_scales(leg: Leg, characteristic_length: float | None = None) -> tuple
     ------
     ParameterError
         It is not a positive finite number.
+    ShapeError
+        It is no number.
     """
-    if characteristic_length is not None and not (math.isfinite(characteristic_length) and characteristic_length > 0):
-        raise ParameterError(
-            f"characteristic_length = {characteristic_length!r} is not a positive number of metres: it divides the "
-            "columns in m/rad"
-        )
+    if characteristic_length is not None:
+        characteristic_length = number("characteristic_length", characteristic_length)
+        if not (math.isfinite(characteristic_length) and characteristic_length > 0):
+            raise ParameterError(
+                f"characteristic_length = {characteristic_length!r} is not a positive number of metres: it divides the "
+                "columns in m/rad"
+            )
     turning = np.array([unit == "N·m" for unit in leg.units.actuators])
     if turning.all() or not turning.any():
         return np.ones(len(turning)), "m/rad" if turning.all() else "m/m", None

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from leg_dynamics.analysis.arguments import having, number, reals
 from leg_dynamics.analysis.dexterity import column_scales, conditioning, home_length
 from leg_dynamics.analysis.loop_rows import LoopRows, loop_rows
 from leg_dynamics.errors import AssemblyError, NonFiniteError, ParameterError, RowError, ShapeError, SingularityError
@@ -33,6 +34,9 @@ _SHOWN = 0.05
 _FALLEN = 0.05
 """Of a singular value at the start: what is left of it at a singularity of its kind, within the bisection's reach."""
 
+_NEAR = 1e-2
+"""A pose that a route without words for it refuses is near a singular one if a share is below this."""
+
 _SCAN = 256
 """Steps in which a line is searched for the first singularity on it."""
 
@@ -47,7 +51,9 @@ class Singularity:
         Those that the pose is in: ``serial`` (the foot Jacobian by the independent coordinates loses rank: the foot
         cannot move in some direction), ``parallel`` (with the actuators locked the closed loops can still move: the
         loop rows' columns of all joints that are not actuated lose rank), ``constraint`` (the loop rows themselves have
-        a smaller rank than at most poses: the mechanism gains a motion). Empty at a regular pose.
+        a smaller rank than at most poses: the mechanism gains a motion). A pose so near to a singular one that the
+        leg's methods refuse it counts as that; there it may also be ``coordinates`` (the closed loops are regular, but
+        the independent coordinates do not determine the others). Empty at a regular pose.
     serial, parallel, constraint : float
         Smallest singular value that must not vanish, as a share of the largest of its matrix; 1 where there is nothing
         that could lose rank (no foot, no loops). NaN for `serial` where the loops' singularity leaves no Jacobian.
@@ -58,7 +64,8 @@ class Singularity:
     directions : mapping of str to mapping of str to float
         For each kind what its smallest singular value belongs to, the largest entry 1: ``serial`` the direction x, y, z
         in the hip frame that the foot moves in least; ``parallel`` the rates of the tree's joints that the locked
-        actuators resist least; ``constraint`` those that the mechanism gains. In rad and characteristic lengths.
+        actuators resist least; ``constraint`` those that the mechanism gains, ``coordinates`` those that the
+        independent coordinates leave open. In rad and characteristic lengths.
     """
 
     kinds: tuple[str, ...]
@@ -87,6 +94,7 @@ class Singularity:
             "serial": "the foot cannot move along",
             "parallel": "with the actuators locked can still move",
             "constraint": "the mechanism gains the motion",
+            "coordinates": "the independent coordinates leave open the motion",
         }
         parts = []
         for kind in self.kinds:
@@ -143,15 +151,16 @@ def singularity(leg: Leg, q: ArrayLike, *, characteristic_length: float | None =
     AssemblyError, SingularityError
         The loops do not close there. (Of a leg by formulas also: its formulas do not hold there.)
     ShapeError, NonFiniteError
-        `q` is not one finite sample.
+        `q` is not one finite sample; `leg` is no leg.
     """
+    having("leg", leg, ("foot", "jacobian", "assemble", "description"), "give what leg_dynamics.load returns")
     has_foot = leg.foot is not None
     if has_foot:
         column_scales(leg, characteristic_length)
         length = home_length(leg) if characteristic_length is None else float(characteristic_length)
     else:
         length = 1.0 if characteristic_length is None else _positive(characteristic_length)
-    tree = _assembled(leg, q)
+    tree, refused = _assembled(leg, q)
     directions: dict[str, Mapping[str, float]] = {}
     serial, sign = 1.0, 1
     if has_foot:
@@ -177,29 +186,66 @@ def singularity(leg: Leg, q: ArrayLike, *, characteristic_length: float | None =
         constraint, directions["constraint"] = _weakest(rows, everything, len(everything) - len(leg.joint_names))
         parallel, directions["parallel"] = _weakest(rows, free, len(free) - idle)
     values = {"serial": serial, "parallel": parallel, "constraint": constraint}
-    kinds = tuple(kind for kind, value in values.items() if value < SINGULAR)
-    return Singularity(kinds, serial, parallel, constraint, sign, length, directions)
+    kinds = [kind for kind, value in values.items() if value < SINGULAR]
+    if rows.matrix.size and not {"parallel", "constraint"} & set(kinds):
+        kinds += _refused_kinds(_refusal(leg, q) if refused is None else refused, values, directions)
+    return Singularity(tuple(kinds), serial, parallel, constraint, sign, length, directions)
 
 
 def _positive(length: float) -> float:
+    length = number("characteristic_length", length)
     if not (math.isfinite(length) and length > 0.0):
         raise ParameterError(f"characteristic_length = {length!r} is not a positive number of metres")
-    return float(length)
+    return length
 
 
-def _assembled(leg: Leg, q: ArrayLike) -> Mapping[str, np.ndarray]:
-    """Closed tree coordinates at one sample, also where the closure is singular and the route can tell them."""
+def _assembled(leg: Leg, q: ArrayLike) -> tuple[Mapping[str, np.ndarray], RowError | None]:
+    """Closed tree coordinates at one sample, also where the closure is singular and the route can tell them.
+
+    With the error where the leg refuses the pose.
+    """
     try:
         tree = leg.assemble(q)
-    except (AssemblyError, SingularityError):
+    except (AssemblyError, SingularityError) as error:
         backend: Any = getattr(leg.backend, "fallback", None) or leg.backend
         if not hasattr(backend, "singular_pose") or np.shape(q) != (len(leg.joint_names),):
             raise
         values = backend.singular_pose(np.asarray(q, dtype=float))
-        return dict(zip(backend.tree_joint_names, values, strict=True))
+        return dict(zip(backend.tree_joint_names, values, strict=True)), error
     if any(np.ndim(value) for value in tree.values()):
         raise ShapeError("singularity takes one sample, shape (n,)")
-    return tree
+    return tree, None
+
+
+def _refusal(leg: Leg, q: ArrayLike) -> RowError | None:
+    """Why the leg's methods refuse a pose at rest; None where they do not."""
+    rest = np.zeros(len(leg.joint_names))
+    try:
+        leg.mass_matrix(q)
+        if leg.foot is not None:
+            leg.jacobian(q)
+        if len(leg.actuator_names) == leg.actuation.rank == len(rest):
+            leg.torque(q, rest, rest)
+    except (AssemblyError, SingularityError) as error:
+        return error
+    return None
+
+
+def _refused_kinds(
+    error: RowError | None, values: Mapping[str, float], directions: dict[str, Mapping[str, float]]
+) -> list[str]:
+    """The kinds of singular poses that a refused pose is near to, as its route says or else the nearest one."""
+    if error is None:
+        return []
+    kind = getattr(error, "kind", None)
+    if kind is None:
+        kind = min(("parallel", "constraint"), key=lambda name: values[name])
+        return [kind] if values[kind] < _NEAR else []
+    directions.setdefault(kind, error.evidence["direction"])
+    if kind not in values:
+        return [kind]
+    # Rows that lose rank take their columns along.
+    return [name for name in ("parallel", "constraint") if name == kind or values[name] < values[kind]]
 
 
 def _weakest(rows: LoopRows, columns: list[int], rank: int) -> tuple[float, Mapping[str, float]]:
@@ -251,7 +297,8 @@ def singularity_distance(leg: Leg, q: ArrayLike, direction: ArrayLike, *, reach:
     ShapeError, NonFiniteError, ParameterError
         An argument is not usable.
     """
-    start, along = (np.asarray(value, dtype=float) for value in (q, direction))
+    having("leg", leg, ("joint_names", "jacobian"), "give what leg_dynamics.load returns")
+    start, along = reals("q", q), reals("direction", direction)
     if start.shape != (3,) or along.shape != (3,) or len(leg.joint_names) != 3:
         raise ShapeError(f"q and direction need shape (3,), got {start.shape} and {along.shape}, on a leg with three")
     if not (np.isfinite(start).all() and np.isfinite(along).all()):

@@ -49,11 +49,14 @@ def _reported(command: Callable[..., None]) -> Callable[..., None]:
     def wrapper(*args: Any, **kwargs: Any) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("always", LegDynamicsWarning)
-            show = warnings.showwarning
+            show, said = warnings.showwarning, set[str]()
 
             def showwarning(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
                 if issubclass(category, LegDynamicsWarning):
-                    complain(f"warning: {_as_options(str(message), kwargs)}")
+                    # Each route that reads a file finds the same things.
+                    if str(message) not in said:
+                        said.add(str(message))
+                        complain(f"warning: {_as_options(str(message), kwargs)}")
                 else:
                     show(message, category, *place, **more)
 

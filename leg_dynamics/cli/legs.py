@@ -35,7 +35,7 @@ from leg_dynamics.cli.output import (
     print_json,
     say_written,
 )
-from leg_dynamics.errors import LegDynamicsWarning
+from leg_dynamics.errors import LegDynamicsError, LegDynamicsWarning
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from leg_dynamics.inspection import Inspection
 
 SHOWN_MODES, SHOWN_JOINTS = 8, 6
+# Notes of one kind; --json has all.
+SHOWN_ALIKE = 6
 LEAST_DIFFERENCE = 1e-6
 _MARKS = {"error": "[red]error[/red]", "warning": "[yellow]warning[/yellow]", "note": "note"}
 
@@ -85,14 +87,21 @@ def info_leg(
     as_json: JsonOption = False,
 ) -> None:
     """Check a mechanism file: coordinates, limits, loops, mobility, actuation, assembly modes; exit 1 on errors."""
-    report = _inspected(leg, set_, foot, urdf)
-    if report.leg is None:
-        _show_unreadable(report, as_json)
-        raise typer.Exit(FAILED)
-    with warnings.catch_warnings():
-        # They are among the findings.
-        warnings.simplefilter("ignore", LegDynamicsWarning)
-        model = load_leg(leg, route, set_, foot, urdf)
+    try:
+        report = _inspected(leg, set_, foot, urdf)
+        if report.leg is None:
+            _show_unreadable(report, as_json)
+            raise typer.Exit(FAILED)
+        with warnings.catch_warnings():
+            # They are among the findings.
+            warnings.simplefilter("ignore", LegDynamicsWarning)
+            model = load_leg(leg, route, set_, foot, urdf)
+    except LegDynamicsError as error:
+        if as_json:
+            from leg_dynamics.inspection import refused
+
+            print_json(refused(leg if urdf is None else urdf, error).to_dict())
+        raise
     mechanism = model.description
     mobility = report.mobility
     moving_mass = math.fsum(link.inertial.mass for link in mechanism.links if link.inertial is not None)
@@ -209,11 +218,19 @@ def _show_inspection(console: Console, report: Inspection) -> None:
 def _show_findings(console: Console, report: Inspection) -> None:
     from rich.markup import escape
 
+    count: dict[str, int] = {}
     for each in report.findings:
+        count[each.code] = count.get(each.code, 0) + 1
+        if each.severity == "note" and count[each.code] > SHOWN_ALIKE:
+            continue
         place = f"{Path(each.file).name}:{each.line}: " if each.line is not None else ""
         console.print(f"{_MARKS[each.severity]} {escape(f'[{each.code}] {place}{each.text}')}")
         if each.fix:
             console.print(escape(f"    fix: {each.fix}"))
+    notes = {each.code for each in report.findings if each.severity == "note"}
+    for code, total in count.items():
+        if code in notes and total > SHOWN_ALIKE:
+            console.print(f"{_MARKS['note']} {escape(f'[{code}] and {total - SHOWN_ALIKE} more, which --json lists')}")
     counts = [sum(each.severity == severity for each in report.findings) for severity in _MARKS]
     words = (f"{n} {word}{'s' * (n != 1)}" for n, word in zip(counts, _MARKS, strict=True))
     console.print(f"{report.name}: {', '.join(words)}", markup=False, highlight=False)

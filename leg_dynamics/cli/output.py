@@ -7,6 +7,7 @@ import errno
 import json
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -20,21 +21,30 @@ CHUNK = 256
 _ASCII = {"·": "*", "×": "x", "²": "^2", "°": " deg", "−": "-", "–": "-", "…": "...", "±": "+-", "≤": "<=", "≥": ">="}
 
 
+# What a terminal obeys, or turns round: control characters but newline and tab, and those of writing direction.
+_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+
+
+def shown(text: str) -> str:
+    """A text in which what a terminal would obey is escaped: names come from files."""
+    return _OBEYED.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+
+
 def say(text: str) -> None:
     """Print one line on standard output."""
-    print(text)
+    print(shown(text))
 
 
 def say_written(path: Path) -> None:
     """Say that a file is written."""
-    print(f"wrote {path}")
+    print(shown(f"wrote {path}"))
 
 
 def complain(text: str) -> None:
     """Print one line on standard error."""
     # Where standard error fails there is nowhere left to say so; the exit code does.
     with contextlib.suppress(OSError):
-        print(f"leg-dynamics: {' '.join(str(text).split())}", file=sys.stderr)
+        print(f"leg-dynamics: {shown(' '.join(str(text).split()))}", file=sys.stderr)
 
 
 def ascii_substitute(error: UnicodeError) -> tuple[str, int]:
@@ -75,10 +85,12 @@ def new_table(title: str, *columns: str) -> Any:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=Text(title) if title else None, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
+    table = Table(
+        title=Text(shown(title)) if title else None, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD
+    )
     for column in columns:
         # Cut off, long names that begin alike look the same.
-        table.add_column(column, overflow="fold")
+        table.add_column(Text(shown(column)), overflow="fold")
     return table
 
 
@@ -86,12 +98,26 @@ def add_row(table: Any, *cells: str) -> None:
     """Add cells as plain text: a name from a file may look like markup."""
     from rich.text import Text
 
-    table.add_row(*(Text(cell) for cell in cells))
+    table.add_row(*(Text(shown(cell)) for cell in cells))
 
 
 def output_console() -> Console:
-    """A console on standard output."""
+    """A console on standard output, which shows what it prints as `shown` does."""
     from rich.console import Console as RichConsole
+    from rich.console import RenderHook
+    from rich.segment import Segment
+
+    class Escaped:
+        def __init__(self, renderable: Any) -> None:
+            self.renderable = renderable
+
+        def __rich_console__(self, console: RichConsole, options: Any) -> Iterator[Segment]:
+            for text, style, control in console.render(self.renderable, options):
+                yield Segment(text if control else shown(text), style, control)
+
+    class Escaping(RenderHook):
+        def process_renderables(self, renderables: list[Any]) -> list[Any]:
+            return [Escaped(each) for each in renderables]
 
     class Console(RichConsole):
         def on_broken_pipe(self) -> None:
@@ -100,7 +126,9 @@ def output_console() -> Console:
 
     # A pipe has no width of its own; 80 would cut tables off.
     width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
-    return Console(width=width, highlight=False, emoji=False)
+    console = Console(width=width, highlight=False, emoji=False)
+    console.push_render_hook(Escaping())
+    return console
 
 
 def error_console() -> Console:

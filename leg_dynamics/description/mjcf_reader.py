@@ -8,8 +8,9 @@ qpos; a ball joint is a chain of three hinges, a free joint a floating one. MuJo
 from __future__ import annotations
 
 import math
+import posixpath
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -85,11 +86,13 @@ def mjcf_text(text: str, document: Document, path: Path | None = None) -> str:
 
     Bodies become links of the same names, the world is the root ``world``, and named sites are links fixed to their
     bodies. Several joints of one body are a chain about massless links. An actuator on a hinge or slide marks the joint
-    as driven; what it can exert at the joint (gear included) is the joint's effort limit, with a reduction of 1, and
-    several on one joint add up. Where a model has actuators and none of them is on a hinge or slide that moves, nothing
-    is driven; a model without actuators does not say what is, and counts as driven at its independent hinges and
-    slides. Connect and weld equalities become spherical and fixed loops, linear joint equalities
-    mimic joints, keyframes configurations (qpos0 is ``home`` where there is none). Contacts and shapes are left out.
+    as driven; what it can exert at the joint (gear included) is the joint's effort limit, with a reduction of 1. A
+    description has one limit both ways: where the file's differ, the smaller magnitude, so that nothing is feasible
+    that the file forbids. Several on one joint are one actuator, called ``first+second``, and what they can exert adds
+    up. Where a model has actuators and none of them is on a hinge or slide that moves, nothing is driven; a model
+    without actuators does not say what is, and counts as driven at its independent hinges and slides. Connect and weld
+    equalities become spherical and fixed loops, linear joint equalities mimic joints, keyframes configurations (qpos0
+    is ``home`` where there is none). Contacts and shapes are left out.
 
     Parameters
     ----------
@@ -114,8 +117,9 @@ def mjcf_text(text: str, document: Document, path: Path | None = None) -> str:
     Warns
     -----
     LegDynamicsWarning
-        For inactive equalities, actuators that drive no single joint, gravity other than 9.81 m/s² downwards, mocap
-        bodies (fixed where they are), gravity compensation and fluids.
+        For inactive equalities and actuators, actuators that drive no single joint, several on one joint, efforts that
+        are not the same both ways, gravity other than 9.81 m/s² downwards, mocap bodies (fixed where they are), gravity
+        compensation and fluids.
     """
     root = read_root(text, document)
     _refuse_nan(root)
@@ -125,7 +129,7 @@ def mjcf_text(text: str, document: Document, path: Path | None = None) -> str:
             f"{document.file} is an MJCF model, and MuJoCo, which reads it, is not installed: "
             "pip install 'leg-dynamics[mujoco]'"
         )
-    model, said = _compiled(text, document, path)
+    model, said = _compiled(text, document, path, root)
     result = _Reader(model, document, root).text()
     for warning in said:
         document.warn(f"MuJoCo warns of the model: {warning}")
@@ -140,7 +144,7 @@ def _refuse_nan(root: Node) -> None:
                 raise node.error(f"{attribute} of {node.label} must be finite, got {value[:80]!r}")
 
 
-def _compiled(text: str, document: Document, path: Path | None) -> tuple[Any, list[str]]:
+def _compiled(text: str, document: Document, path: Path | None, root: Node) -> tuple[Any, list[str]]:
     """MuJoCo's model, and what it warned of."""
     import mujoco
 
@@ -156,10 +160,26 @@ def _compiled(text: str, document: Document, path: Path | None) -> tuple[Any, li
         found = _LINE.search(message)
         # Of what line of which file MuJoCo does not say.
         line = None if found is None or "<include" in text else int(found[1])
+        line = line or _line_of_unopened(message, root)
         raise document.error(f"MuJoCo refuses the model: {message}{_advice(message, path)}", line) from error
     finally:
         mujoco.set_mju_user_warning(before)
     return model, [" ".join(warning.split()) for warning in dict.fromkeys(said)]
+
+
+def _line_of_unopened(message: str, root: Node) -> int | None:
+    """The line of the only element that names the file which MuJoCo could not open; None where there are others."""
+    if (found := _UNOPENED.search(message)) is None:
+        return None
+    lines = [
+        node.line
+        for node in root.walk()
+        if any(
+            name.startswith("file") and value and found[1].endswith(posixpath.normpath(value))
+            for name, value in node.attributes.items()
+        )
+    ]
+    return lines[0] if len(lines) == 1 else None
 
 
 def _advice(message: str, path: Path | None) -> str:
@@ -554,12 +574,11 @@ class _Reader:
 
     def _actuators(self) -> tuple[dict[int, float], dict[int, str]]:
         """Effort limit of each joint, N·m or N at the joint, and the actuator of each driven joint, both by joint."""
-        model, kinds = self.model, self.mj.mjtTrn
-        names = _Names(self._given(self.mj.mjtObj.mjOBJ_ACTUATOR, self._actuator_count()))
-        efforts: dict[int, float] = {}
-        driven: dict[int, str] = {}
+        model, kinds, objects = self.model, self.mj.mjtTrn, self.mj.mjtObj
+        ranges: dict[int, tuple[float, float]] = {}
+        drives: dict[int, list[int]] = {}
         dropped: list[int] = []
-        one_sided: list[int] = []
+        inactive: list[int] = []
         armature = self._column("actuator_armature", self._actuator_count())
         damping = self._column("actuator_damping", self._actuator_count())
         for number in range(self._actuator_count()):
@@ -569,35 +588,75 @@ class _Reader:
             if not on_joint or joint in self.locked or gear == 0.0:
                 if not on_joint and (armature[number] or damping[number]):
                     raise self._refuse(
-                        f"{self._name_of(self.mj.mjtObj.mjOBJ_ACTUATOR, number, 'actuator')} drives no single joint "
+                        f"{self._name_of(objects.mjOBJ_ACTUATOR, number, 'actuator')} drives no single joint "
                         "and has armature or damping, which cannot be expressed: set them to 0"
                     )
                 dropped.append(number)
                 continue
+            # A rotor turns, and its bearings brake, also where the file switches its force off.
             self.rotor[joint] += armature[number] * gear * gear
             self.motor_damping[joint] += damping[number] * gear * gear
-            lower, upper = self._forces(number)
-            if max(abs(lower), abs(upper)) < math.inf and abs(lower + upper) > _SAME * abs(upper - lower):
-                one_sided.append(number)
-            efforts[joint] = efforts.get(joint, 0.0) + abs(gear) * max(abs(lower), abs(upper))
-            if joint not in driven:
-                given = self.mj.mj_id2name(model, self.mj.mjtObj.mjOBJ_ACTUATOR, number)
-                driven[joint] = given or names.free(f"actuator_{number}")
+            if not self._is_active(number):
+                inactive.append(number)
+                continue
+            ends = sorted(gear * end for end in self._forces(number))
+            before = ranges.get(joint, (0.0, 0.0))
+            ranges[joint] = before[0] + ends[0], before[1] + ends[1]
+            drives.setdefault(joint, []).append(number)
         for joint in range(model.njnt):
             if self._is_scalar(joint) and model.jnt_actfrclimited[joint]:
-                most = float(np.abs(model.jnt_actfrcrange[joint]).max())
-                efforts[joint] = min(efforts.get(joint, math.inf), most)
-        kind = self.mj.mjtObj.mjOBJ_ACTUATOR
-        if dropped:
+                lower, upper = ranges.get(joint, (-math.inf, math.inf))
+                least, most = map(float, model.jnt_actfrcrange[joint])
+                ranges[joint] = max(lower, least), min(upper, most)
+        for why, numbers in (
+            ("they drive no single joint that moves", dropped),
+            ("the file switches them off", inactive),
+        ):
+            if numbers:
+                self.document.warn(f"left out, as {why}: {self._listed(objects.mjOBJ_ACTUATOR, numbers, 'actuator')}")
+        return self._symmetric(ranges), self._merged(drives)
+
+    def _is_active(self, number: int) -> bool:
+        """Whether the file lets an actuator exert its force."""
+        if self._disabled("ACTUATION"):
+            return False
+        group, switched_off = int(self.model.actuator_group[number]), int(self.model.opt.disableactuator)
+        # MuJoCo can switch off groups 0 to 30 only.
+        return not (0 <= group <= 30 and switched_off >> group & 1)
+
+    def _symmetric(self, ranges: Mapping[int, tuple[float, float]]) -> dict[int, float]:
+        """Effort limits that hold both ways."""
+        uneven = []
+        efforts: dict[int, float] = {}
+        for joint, (lower, upper) in ranges.items():
+            efforts[joint] = max(0.0, min(-lower, upper))
+            if max(-lower, upper) - efforts[joint] > _SAME * max(-lower, upper):
+                uneven.append(f"{lower:g} to {upper:g} at joint {self.joints[joint]!r}")
+        if uneven:
+            shown = ", ".join(uneven[:3]) + (f" and {len(uneven) - 3} more" if len(uneven) > 3 else "")
             self.document.warn(
-                f"left out, as they drive no single joint that moves: {self._listed(kind, dropped, 'actuator')}"
+                f"efforts are not limited alike both ways ({shown}), and a description has one limit: the smaller "
+                "magnitude, or 0 where only one sign is possible, so that more than that counts as not feasible; "
+                "torque(.., bounds=(lower, upper)) takes both ends"
             )
-        if one_sided:
+        return efforts
+
+    def _merged(self, drives: Mapping[int, Sequence[int]]) -> dict[int, str]:
+        """One actuator for each joint, named after all that drive it."""
+        given = self._given(self.mj.mjtObj.mjOBJ_ACTUATOR, self._actuator_count())
+        names = _Names(given)
+        driven: dict[int, str] = {}
+        for joint, numbers in drives.items():
+            parts = [given[number] or names.free(f"actuator_{number}") for number in numbers]
+            if len(parts) == 1:
+                driven[joint] = parts[0]
+                continue
+            driven[joint] = names.free("+".join(parts))
             self.document.warn(
-                f"the force range of {self._listed(kind, one_sided, 'actuator')} is not symmetric: the joint's effort "
-                "limit is the larger magnitude"
+                f"actuators {', '.join(map(repr, parts))} drive the same joint {self.joints[joint]!r}: taken as one, "
+                f"{driven[joint]!r}, whose effort is the sum of theirs at the joint"
             )
-        return efforts, driven
+        return driven
 
     def _actuator_count(self) -> int:
         return len(self.model.actuator_trntype)

@@ -10,8 +10,10 @@ A parameter's entry may say which values are possible, by a number or by a sum o
 from __future__ import annotations
 
 import ast
+import codecs
 import math
 import operator
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from numbers import Real
@@ -19,13 +21,14 @@ from pathlib import Path
 from typing import Any
 
 from leg_dynamics.description.model import Parameter
-from leg_dynamics.description.xml_reader import Document, Node, nearest, read_root
+from leg_dynamics.description.xml_reader import MOST_BYTES, Document, Node, nearest, read_root
 from leg_dynamics.errors import ParameterError, RenderError
 
 __all__ = [
     "Bound",
     "Overrides",
     "check_bounds",
+    "checked_values",
     "declared_arguments",
     "load_parameters",
     "parameter_bounds",
@@ -150,15 +153,17 @@ class Bound:
         )
 
 
-def read_text(path: Path, document: Document) -> str:
+def read_text(path: Path, document: Document, most: int = MOST_BYTES) -> str:
     """A file's text.
 
     Parameters
     ----------
     path : pathlib.Path
-        An UTF-8 file.
+        A file in UTF-8, or in UTF-16 with a byte order mark.
     document : Document
         Its name, for errors.
+    most : int
+        Bytes, beyond which it is refused.
 
     Returns
     -------
@@ -168,18 +173,31 @@ def read_text(path: Path, document: Document) -> str:
     Raises
     ------
     DescriptionError
-        Where the file cannot be read or is not UTF-8, with the line of the first bad byte.
+        Where the file cannot be read, with the line of the first bad byte where it is not so encoded, and with the line
+        on which it becomes too large.
     """
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(most + 1)
+            size = os.fstat(file.fileno()).st_size
     except OSError as error:
         raise document.error(f"the file cannot be read: {error.strerror}") from error
+    if len(data) > most:
+        line = data.count(b"\n") + 1
+        raise document.error(
+            f"the file has {size} bytes, the most is {most}, which this line reaches: delete comments, or what is not "
+            "the mechanism",
+            line,
+        )
+    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
-        return data.decode()
+        return data.decode("utf-16" if wide else "utf-8")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise document.error(
-            f"the file is not UTF-8: byte {data[error.start]:#04x} at offset {error.start}; save it as UTF-8", line
+            f"the file is not UTF-{16 if wide else 8}: byte {data[error.start]:#04x} at offset {error.start}; "
+            "save it as UTF-8",
+            line,
         ) from None
 
 
@@ -355,6 +373,24 @@ def parameter_bounds(path: Path) -> tuple[Bound, ...]:
         As `Overrides`.
     """
     return Overrides(path, None).bounds
+
+
+def checked_values(values: Mapping[str, float] | None) -> dict[str, float]:
+    """New parameter values as a dictionary; whether they exist and are numbers is seen where they apply.
+
+    Raises
+    ------
+    ParameterError
+        They are no mapping.
+    """
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping):
+        raise ParameterError(
+            f"parameters are a mapping of names to values, such as {{'L1': 0.2}}, got {type(values).__name__} "
+            f"{str(values)[:80]!r}"
+        )
+    return dict(values)
 
 
 class Overrides:

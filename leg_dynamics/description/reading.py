@@ -10,12 +10,12 @@ from leg_dynamics.description.assembling import assembly_parameters
 from leg_dynamics.description.mjcf_reader import build_mjcf, is_mjcf
 from leg_dynamics.description.model import Description, Parameter
 from leg_dynamics.description.modules import is_assembly
-from leg_dynamics.description.parameters import parameters_of, shown_overrides
+from leg_dynamics.description.parameters import checked_values, parameters_of, shown_overrides
 from leg_dynamics.description.parse import build
 from leg_dynamics.description.render import read_text, render, rendered_name
 from leg_dynamics.description.robot_data import PREFIX, robot_data_file, with_group_states
 from leg_dynamics.description.shipped import existing_file, shipped_urdf, shipped_xacro
-from leg_dynamics.description.toolbox import is_toolbox, sidecar_of, toolbox_text
+from leg_dynamics.description.toolbox import is_sidecar, is_toolbox, sidecar_of, toolbox_text
 from leg_dynamics.description.xml_reader import Document
 from leg_dynamics.errors import LegNotFoundError, ParameterError
 
@@ -50,8 +50,10 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
     DescriptionError
         Where the file is wrong, with file and line; `RenderError` and `UnsafeXmlError` are kinds of it.
     ParameterError
-        Where a parameter does not exist, is no finite number, or cannot apply to this kind of source.
+        Where parameters are no mapping, or one does not exist, is no finite number, or cannot apply to this kind of
+        source.
     """
+    parameters = checked_values(parameters)
     if isinstance(source, str) and source.removeprefix("\ufeff").lstrip().startswith("<"):
         _refuse_parameters(parameters, "XML text")
         return build_mjcf(source, Document()) if is_mjcf(source) else build(source, Document())
@@ -63,16 +65,13 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
         if not parameters:
             return _read_shipped(name)
         path = shipped_xacro(name)
-    if (pair := _toolbox_pair(path)) is not None:
-        _refuse_parameters(parameters, f"the plain file {path}")
-        urdf, sidecar = pair
-        document = Document(str(urdf))
-        tree = build(read_text(urdf, document), document)
-        if not (tree.loops or tree.couplings or tree.transmissions):
-            return build(toolbox_text(sidecar, tree), Document(f"{urdf} with {sidecar.name}", quiet=True))
-        if path == sidecar:
-            raise document.error(f"the file has loops or transmissions of its own: load it without {sidecar.name}")
-        return tree
+    asked = path
+    if _is_sidecar(path):
+        path = path.with_suffix(".urdf")
+        if not path.is_file():
+            raise LegNotFoundError(
+                f"{asked} names the loops and motors of {path.name}, and there is no such file beside it"
+            )
     if path.name.endswith(".xacro") or is_assembly(path):
         text = render(path, parameters)
         document = Document(rendered_name(path), source=str(path), overrides=shown_overrides(parameters))
@@ -82,20 +81,31 @@ def read(source: str | os.PathLike[str], *, parameters: Mapping[str, float] | No
     text = read_text(path, document)
     if is_mjcf(text):
         return build_mjcf(text, document, path)
-    return build(with_group_states(path, text), document)
+    built = build(with_group_states(path, text), document)
+    return _with_sidecar(built, path, asked) if path.suffix == ".urdf" else built
 
 
-def _toolbox_pair(path: Path) -> tuple[Path, Path] | None:
-    """A URDF file and the YAML file beside it, by the path of either."""
-    if path.name.endswith(".urdf"):
-        sidecar = sidecar_of(path)
-        return None if sidecar is None else (path, sidecar)
-    if not is_toolbox(path):
-        return None
-    urdf = path.with_suffix(".urdf")
-    if not urdf.is_file():
-        raise LegNotFoundError(f"{path} names the loops and motors of {urdf.name}, and there is no such file beside it")
-    return urdf, path
+def _is_sidecar(path: Path) -> bool:
+    """Whether a path is that of a YAML file which belongs to the URDF file of its name."""
+    if path.suffix not in (".yaml", ".yml"):
+        return False
+    return is_toolbox(path) or (path.with_suffix(".urdf").is_file() and is_sidecar(path))
+
+
+def _with_sidecar(tree: Description, urdf: Path, asked: Path) -> Description:
+    """A tree with the loops and motors of the YAML file beside it, where there is one."""
+    if not (tree.loops or tree.couplings or tree.transmissions):
+        sidecar = asked if asked != urdf else sidecar_of(urdf)
+        if sidecar is None:
+            return tree
+        return build(toolbox_text(sidecar, tree), Document(f"{urdf} with {sidecar.name}", quiet=True))
+    document = Document(str(urdf))
+    if asked != urdf:
+        raise document.error(f"the file has loops or transmissions of its own: load it without {asked.name}")
+    for suffix in (".yaml", ".yml"):
+        if is_toolbox(beside := urdf.with_suffix(suffix)):
+            document.warn(f"{beside.name} beside the file is not used: the file has loops or transmissions of its own")
+    return tree
 
 
 def _read_shipped(name: str) -> Description:

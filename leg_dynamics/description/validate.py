@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from leg_dynamics.description.model import Description, Joint, Link, Telescope
+from leg_dynamics.description.model import Coupling, Description, Joint, Link, Loop, Telescope
 from leg_dynamics.description.topology import coupling_equation, coupling_paths, joints_depth_first
 from leg_dynamics.description.xml_reader import Document, nearest
 
@@ -15,6 +15,9 @@ __all__ = ["validate"]
 _INERTIA_TOLERANCE = 1e-9  # relative to the largest principal moment: the rounding of a printed tensor
 _NAMED = 5  # further links that one warning names
 _MOST_COEFFICIENTS = 300_000
+# Loops and couplings beyond two a joint bind what is bound already; some may, in a file with few joints.
+_MOST_A_JOINT = 2
+_FEW = 50
 _LIMIT_TOLERANCE = 1e-9  # rad or m, as `leg_dynamics.leg` has it: the rounding of a printed angle
 
 
@@ -125,6 +128,7 @@ def check_loops(description: Description, document: Document) -> None:
     """The two ends of a loop are on links that can move against each other."""
     if not description.loops:
         return
+    check_count(description, "loops", description.loops, document)
     body = {description.root: description.root}
     for joint in joints_depth_first(description):
         body[joint.child] = body[joint.parent] if joint.type == "fixed" else joint.child
@@ -139,8 +143,23 @@ def check_loops(description: Description, document: Document) -> None:
             )
 
 
+def check_count(
+    description: Description, what: str, found: tuple[Loop, ...] | tuple[Coupling, ...], document: Document
+) -> None:
+    """There are not so many loops or couplings that nearly all of them could bind nothing."""
+    joints = len(description.moving_joints)
+    most = _MOST_A_JOINT * joints + _FEW
+    if len(found) > most:
+        raise document.error(
+            f"{len(found)} {what} on {joints} moving joints, the most is {most}, {_MOST_A_JOINT} a joint and {_FEW}: "
+            "the rest can bind nothing that is not bound; delete repeated ones",
+            found[most].line,
+        )
+
+
 def check_couplings(description: Description, document: Document) -> None:
     """A coupling relates at least one coordinate, and only joints with one coordinate lie on its paths."""
+    check_count(description, "couplings", description.couplings, document)
     related = 0
     for coupling in description.couplings:
         if coupling.predecessor == coupling.successor:

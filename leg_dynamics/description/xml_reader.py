@@ -13,15 +13,18 @@ from xml.parsers import expat
 
 from leg_dynamics.errors import DescriptionError, LegDynamicsWarning, UnsafeXmlError
 
-__all__ = ["MAX_DEPTH", "Document", "Node", "nearest", "read_root"]
+__all__ = ["MAX_DEPTH", "MOST_BYTES", "Document", "Node", "nearest", "read_root"]
 
+MOST_BYTES = 16_000_000
+"""Of a file, a hundred times what a robot's has: a larger one is refused before more of it is read."""
 MAX_DEPTH = 64  # URDF+ itself needs 5
-# A thousand times what a robot has: beyond, a file is an attack, or a mistake that would take minutes to name.
-MAX_ELEMENTS = 400_000
-MAX_CHILDREN = 150_000
-# Of a mechanism file: no route takes a twentieth of them, and reading the rest would take seconds.
-MAX_JOINTS = 20_000
-"""Of the root: links, joints and all else that a mechanism consists of."""
+# A hundred times what a robot has: beyond, a file is an attack, or a mistake that would take minutes to name.
+MAX_ELEMENTS = 100_000
+MAX_ATTRIBUTES = 1000
+# Characters of a tag with its attributes; a mesh can be one of them.
+MAX_TAG = 4_000_000
+MAX_OF_A_KIND = 10_000
+"""Links, joints, configurations and all else below a mechanism's root: no route takes more links."""
 MAX_WORD = 4096
 """Characters of a tag or a name."""
 MAX_TEXT = 65_536
@@ -194,7 +197,7 @@ class _TreeBuilder:
         self.skipped_depth = 0
         self.unwanted: set[str] = set()
         self.count = 0
-        self.joints = 0
+        self.of_a_kind: dict[str, int] = {}
         self.parser = expat.ParserCreate("UTF-8")
         self.parser.buffer_text = True
         self.parser.StartElementHandler = self.start
@@ -234,6 +237,8 @@ class _TreeBuilder:
             raise self.refusal(f"the file has more than {MAX_ELEMENTS} elements")
         if len(tag) > MAX_WORD:
             raise self.refusal(f"a tag has {len(tag)} characters, the most is {MAX_WORD}: <{tag[:80]}...")
+        if len(attributes) > MAX_ATTRIBUTES:
+            raise self.refusal(f"<{tag}> has {len(attributes)} attributes, the most is {MAX_ATTRIBUTES}")
         node = Node(tag, attributes, self.parser.CurrentLineNumber, self.document)
         if self.keep is not None and tag.startswith("xacro:"):
             raise node.error(f"<{tag}> is xacro, not URDF: render it first, or name the file *.xacro")
@@ -241,12 +246,10 @@ class _TreeBuilder:
             self.root = node
         else:
             parent = parents[-1]
-            if depth == 1 and tag == "joint" and self.keep is not None:
-                self.joints += 1
-                if self.joints > MAX_JOINTS:
-                    raise self.refusal(f"the file has more than {MAX_JOINTS} joints")
-            if depth == 1 and len(parent.children) >= MAX_CHILDREN:
-                raise self.refusal(f"the file has more than {MAX_CHILDREN} elements directly below its root")
+            if depth == 1 and self.keep is not None and not unwanted:
+                many = self.of_a_kind[tag] = self.of_a_kind.get(tag, 0) + 1
+                if many > MAX_OF_A_KIND:
+                    raise self.refusal(f"the file has more than {MAX_OF_A_KIND} <{tag}> elements below its root")
             if parent.children:
                 parent.children.append(node)  # type: ignore[attr-defined]
             else:
@@ -308,6 +311,9 @@ def read_root(text: str, document: Document, *, keep: Collection[str] | None = N
     except UnicodeEncodeError as error:
         line = text.count("\n", 0, error.start) + 1
         raise document.error(f"the text holds a lone surrogate {text[error.start]!a}", line) from None
+    if len(data) > MOST_BYTES:
+        line = data.count(b"\n", 0, MOST_BYTES) + 1
+        raise document.error(f"the text has {len(data)} bytes, the most is {MOST_BYTES}, which this line reaches", line)
     if (nul := data.find(b"\0")) >= 0:
         # expat would take the text for UTF-16, other readers would not.
         line = data.count(b"\n", 0, nul) + 1
@@ -316,6 +322,11 @@ def read_root(text: str, document: Document, *, keep: Collection[str] | None = N
     try:
         for start in range(0, len(data), _CHUNK):
             builder.parser.Parse(data[start : start + _CHUNK], False)
+            # A tag is reported when it ends: how far the parser waits for its end.
+            begun = builder.parser.CurrentByteIndex
+            if start + _CHUNK - begun > MAX_TAG and data[begun + 1 : begun + 2] not in b"!?" and begun >= 0:
+                line = data.count(b"\n", 0, begun) + 1
+                raise document.error(f"a tag has more than {MAX_TAG} characters: refused", line, kind=UnsafeXmlError)
         builder.parser.Parse(b"", True)
     except expat.ExpatError as error:
         message = f"malformed XML: {expat.ErrorString(error.code)}"

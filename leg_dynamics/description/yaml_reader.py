@@ -18,6 +18,7 @@ __all__ = ["Entry", "compose"]
 
 # A hundred times what a robot of many modules needs.
 _MOST_CHARACTERS = 1_000_000
+_MOST_BYTES = 4 * _MOST_CHARACTERS
 
 
 class Entry:
@@ -134,9 +135,13 @@ def compose(path: Path, contents: str) -> Any:
     import yaml
 
     document = Document(str(path))
-    text = read_text(path, document)
+    text = read_text(path, document, _MOST_BYTES)
     if len(text) > _MOST_CHARACTERS:
-        raise document.error(f"the file has {len(text)} characters, the most is {_MOST_CHARACTERS}, for {contents}")
+        raise document.error(
+            f"the file has {len(text)} characters, the most is {_MOST_CHARACTERS}, which this line reaches, for "
+            f"{contents}",
+            text.count("\n", 0, _MOST_CHARACTERS) + 1,
+        )
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
         # Composing calls itself for each level and overflows the stack: the events come one by one.
@@ -157,5 +162,5 @@ def compose(path: Path, contents: str) -> Any:
             raise document.error(f"malformed YAML: {error.reason}", line) from None
         raise document.error(f"malformed YAML: {getattr(error, 'problem', None) or error}", line) from None
     if node is None:
-        raise document.error(f"the file is empty: it should hold {contents}")
+        raise document.error(f"the file is empty: it should hold {contents}", 1)
     return node

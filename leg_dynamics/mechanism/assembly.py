@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 
 from leg_dynamics.errors import AssemblyError, LegDynamicsWarning, SingularityError
 from leg_dynamics.mechanism.mobility import ROUNDED_ADVICE, ROUNDED_SHARE, check_independent, wrong_independent
+from leg_dynamics.mechanism.rounded import open_loops
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Configuration
@@ -50,6 +51,8 @@ NEARER_LONGEST = 0.3
 NEARER_ENOUGH = 1e-6
 NEARER_REGULAR = 0.5
 SHOWN = 8
+# A smaller one is below what is promised of results.
+SAID_GAP = 1e-10
 # A residual that cannot be made smaller, or a singular value, is taken for rounding of the file's numbers below this,
 # and for zero below that.
 ROUNDED = 1e-2
@@ -105,8 +108,25 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
     Warns
     -----
     LegDynamicsWarning
-        Where a configuration is open or singular, or a pose had to be chosen.
+        Where a configuration is open or singular, a pose had to be chosen, or the loops close to the rounding of the
+        file's numbers only.
     """
+    seeds = _seeds_of(mechanism)
+    gap = mechanism.gap
+    if gap > SAID_GAP:
+        loops = ", ".join(open_loops(mechanism, seeds[0].q)[:SHOWN])
+        warnings.warn(
+            f"{mechanism.description.file}: the numbers are rounded, and loops ({loops}) that say a thing more than "
+            f"once contradict each other: they stay open by up to {gap:.2g} rad or {gap * mechanism.closure.length:.2g}"
+            " m; poses are those of the smallest gap, and results are good to about that share: write the numbers "
+            "with all digits for more",
+            LegDynamicsWarning,
+            stacklevel=4,
+        )
+    return seeds
+
+
+def _seeds_of(mechanism: Mechanism) -> tuple[ClosedState, ...]:
     description = mechanism.description
     home = description.home
     ordered = [] if home is None else [home, *(c for c in description.configurations if c is not home)]
@@ -120,7 +140,7 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
                 f"{description.file}: configuration {', '.join(map(repr, unused))} is open or singular and starts "
                 "no assembly mode",
                 LegDynamicsWarning,
-                stacklevel=4,
+                stacklevel=5,
             )
         return (closed[0], *(state for state in closed[1:] if _same_mode(mechanism, closed[0], state)))
 
@@ -147,7 +167,7 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
         f"{description.file}: the file {reason}; taking the closed pose {_label(mechanism, poses[0])}; other assembly "
         f"modes there: {others}{more}; choose one by mode=, or state a configuration",
         LegDynamicsWarning,
-        stacklevel=4,
+        stacklevel=5,
     )
     return (poses[0],)
 
@@ -157,18 +177,21 @@ def _no_pose(mechanism: Mechanism, start: np.ndarray) -> AssemblyError:
     state = mechanism.correct(start, SEED_CORRECTION)
     if state is not None:
         return AssemblyError(
-            f"no regular closed pose of {mechanism.description.name!r} was found in {MULTI_START_ATTEMPTS} attempts: "
-            f"the given pose is closed (residual {state.residual:.3g}) but nearly singular, smallest pivot "
-            f"{state.smallest_pivot:.3g}, the least accepted is {REGULAR:g}: check that the dimensions fit each other, "
-            "or add a regular <configuration>",
+            f"{mechanism.description.file}: no regular closed pose of {mechanism.description.name!r} was found in "
+            f"{MULTI_START_ATTEMPTS} attempts: the given pose is closed (residual {state.residual:.3g}) but nearly "
+            f"singular, smallest pivot {state.smallest_pivot:.3g}, the least accepted is {REGULAR:g}: check that the "
+            "dimensions fit each other, or add a regular <configuration>",
             residual=state.residual,
             margin=state.smallest_pivot - REGULAR,
+            file=mechanism.description.file,
         )
     return AssemblyError(
-        f"no regular closed pose of {mechanism.description.name!r} was found in {MULTI_START_ATTEMPTS} attempts "
-        f"(residual of the given pose {residual:.3g}): add a <configuration> that closes the loops",
+        f"{mechanism.description.file}: no regular closed pose of {mechanism.description.name!r} was found in "
+        f"{MULTI_START_ATTEMPTS} attempts (residual of the given pose {residual:.3g}): add a <configuration> that "
+        "closes the loops",
         residual=residual,
         margin=-residual,
+        file=mechanism.description.file,
     )
 
 
@@ -255,6 +278,7 @@ def descend(mechanism: Mechanism, start: np.ndarray, free: np.ndarray | None = N
     """
     places = np.arange(mechanism.nv) if free is None else free
     unit = mechanism.closure.coordinate_unit[places]
+    rank = max(DESCENT_RANK, mechanism.rank_share)
     q, best, arrived, idle = start.copy(), np.inf, start, 0
     for _ in range(DESCENT_STEPS):
         residual, jacobian = mechanism.directed_rows(q)
@@ -264,9 +288,9 @@ def descend(mechanism: Mechanism, start: np.ndarray, free: np.ndarray | None = N
             best, arrived = size, q
         else:
             idle += 1
-        if not size > DESCENT_CLOSED or idle > DESCENT_IDLE:
+        if not size > max(DESCENT_CLOSED, mechanism.gap) or idle > DESCENT_IDLE:
             break
-        step = np.linalg.lstsq(jacobian[:, places] * unit, -residual, rcond=DESCENT_RANK)[0]
+        step = np.linalg.lstsq(jacobian[:, places] * unit, -residual, rcond=rank)[0]
         largest = float(np.abs(step).max(initial=0.0))
         if not 0.0 < largest < np.inf:
             break
@@ -291,7 +315,7 @@ def find_closed_poses(mechanism: Mechanism, start: np.ndarray, seed: int = 0) ->
     kept: ClosedState | None = None
     for number, (guess, free) in enumerate(guesses):
         q, residual = descend(mechanism, guess, free)
-        if residual > NEARLY_CLOSED:
+        if residual > max(NEARLY_CLOSED, mechanism.tolerance):
             continue
         state = _close_seed(mechanism, wrapped(mechanism, q))
         if state is None or not state.smallest_pivot > WELL_REGULAR:
@@ -322,12 +346,13 @@ def _nearer(mechanism: Mechanism, state: ClosedState, start: np.ndarray) -> Clos
     for _ in range(NEARER_STEPS):
         K = state.rows.jacobian * unit
         towards = (start - state.q) / unit
-        step = towards - np.linalg.lstsq(K, K @ towards, rcond=DESCENT_RANK)[0] if len(K) else towards
+        rank = max(DESCENT_RANK, mechanism.rank_share)
+        step = towards - np.linalg.lstsq(K, K @ towards, rcond=rank)[0] if len(K) else towards
         largest = float(np.abs(step).max(initial=0.0))
         if largest < NEARER_ENOUGH or share < NEARER_ENOUGH:
             break
         q, residual = descend(mechanism, state.q + unit * step * share * min(1.0, NEARER_LONGEST / largest))
-        moved = _close_seed(mechanism, q) if residual <= NEARLY_CLOSED else None
+        moved = _close_seed(mechanism, q) if residual <= max(NEARLY_CLOSED, mechanism.tolerance) else None
         shorter = moved is not None and np.linalg.norm((start - moved.q) / unit) < np.linalg.norm(towards)
         if moved is None or not shorter or moved.smallest_pivot < least:
             share *= 0.5

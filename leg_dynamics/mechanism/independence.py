@@ -12,7 +12,8 @@ from leg_dynamics.description.topology import split_independent
 from leg_dynamics.errors import DescriptionError
 from leg_dynamics.mechanism.assembly import configuration_coordinates
 from leg_dynamics.mechanism.mechanism import Mechanism
-from leg_dynamics.mechanism.mobility import ROUNDED_ADVICE, ROUNDED_SHARE, pose_rank, project
+from leg_dynamics.mechanism.mobility import ROUNDED_ADVICE, pose_rank, project
+from leg_dynamics.mechanism.rounded import doubtful_share
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description
@@ -64,10 +65,11 @@ def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] 
     rank = max(each.rank for each in ranks)
     names = mechanism.tree.joint_names
     dependent = np.array([k for k, name in enumerate(names) if name not in own], dtype=np.intp)
-    if len(dependent) == rank and _usual(rows, dependent, rank) > REGULAR:
+    regular = max(REGULAR, mechanism.rank_share)
+    if len(dependent) == rank and _usual(rows, dependent, rank) > regular:
         return None
-    share = max(each.gap[0] for each in ranks if each.rank == rank)
-    if 0.0 < share < ROUNDED_SHARE:
+    share = min(doubtful_share(mechanism, q) for q in poses)
+    if share > mechanism.rank_share:
         raise DescriptionError(
             f"the loops' rows leave {len(names) - rank} motions, but one of the rows counts by {share:.3g} of the "
             f"largest only, as where {ROUNDED_ADVICE}",
@@ -81,9 +83,9 @@ def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] 
     for k, name in enumerate(names):
         groups[0 if name in followers else 1 + (name in driven) + 2 * (name in stated)].append(k)
     best: list[int] = []
-    best_value = REGULAR
+    best_value = regular
     for K in rows:
-        chosen = _basis(K, groups, rank)
+        chosen = _basis(K, groups, rank, regular)
         value = _usual(rows, np.array(chosen, dtype=np.intp), rank) if len(chosen) == rank else 0.0
         if value > best_value:
             best, best_value = chosen, value
@@ -111,7 +113,7 @@ def _closed_poses(mechanism: Mechanism, generator: np.random.Generator) -> list[
     return found
 
 
-def _basis(K: np.ndarray, groups: list[list[int]], rank: int) -> list[int]:
+def _basis(K: np.ndarray, groups: list[list[int]], rank: int, regular: float) -> list[int]:
     """Columns that span all, taken from the first groups as far as those are independent of each other."""
     chosen: list[int] = []
     rest = K.copy()
@@ -121,7 +123,7 @@ def _basis(K: np.ndarray, groups: list[list[int]], rank: int) -> list[int]:
             continue
         _, triangle, order = scipy.linalg.qr(rest[:, group], mode="economic", pivoting=True)
         pivots = np.abs(np.diagonal(triangle))
-        count = min(int(np.count_nonzero(pivots > REGULAR * scale)), rank - len(chosen))
+        count = min(int(np.count_nonzero(pivots > regular * scale)), rank - len(chosen))
         taken = [group[k] for k in order[:count]]
         chosen += taken
         basis, _ = np.linalg.qr(rest[:, taken])

@@ -42,6 +42,10 @@ __all__ = ["ClosedState", "LoopForces", "Mechanism"]
 STEP_TOLERANCE = 1e-9
 RESIDUAL_TARGET = 4e-15
 RESIDUAL_TOLERANCE = 1e-10
+# Where rounding keeps the loops open, poses elsewhere may be open by that many times as much, and rows that contradict
+# each other count by that many times as much.
+GAP_TOLERANCE = 10.0
+GAP_SHARE = 30.0
 POLISH = 1e-13
 NEWTON_ITERATIONS = 12
 CONTINUATION_STEP = 0.3
@@ -330,12 +334,12 @@ class Mechanism:
             The independent joints do not determine the others there.
         """
         state = self._state(q, self.evaluate(q))
-        if not state.residual <= RESIDUAL_TOLERANCE:
+        if not state.residual <= self.tolerance:
             raise AssemblyError(
                 f"these tree coordinates leave a loop residual of {state.residual:.3g}, the tolerance is "
-                f"{RESIDUAL_TOLERANCE:g}: close them first",
+                f"{self.tolerance:g}: close them first",
                 residual=state.residual,
-                margin=RESIDUAL_TOLERANCE - state.residual,
+                margin=self.tolerance - state.residual,
             )
         return self.complete(state)
 
@@ -436,7 +440,7 @@ class Mechanism:
                 state.q = q
                 break
             previous = size
-        if state is None or not state.residual <= RESIDUAL_TOLERANCE:
+        if state is None or not state.residual <= self.tolerance:
             return None
         self._measure_pivots(state)
         # Too small a correction to turn a pair over needs no look at it.
@@ -499,7 +503,10 @@ class Mechanism:
         if state is None and halvings > 0:
             middle = self.neighbour(start, 0.5 * (start.y + y), halvings - 1)
             return None if middle is None else self.neighbour(middle, y, halvings - 1)
-        return None if state is None else self._settled(state)
+        try:
+            return None if state is None else self._settled(state)
+        except SingularityError:
+            return None
 
     def follow(self, start: ClosedState, y: np.ndarray) -> ClosedState:
         """Continuation along the straight line in y from a closed pose, halving the step where Newton strays.
@@ -557,7 +564,7 @@ class Mechanism:
             q[self.independent] = y
             state = self._nearest_closed(q)
             # At a singular pose the residual is flat: it is small within the square root of rounding.
-            if not state.residual <= RESIDUAL_TOLERANCE:
+            if not state.residual <= self.tolerance:
                 raise
             self._measure_pivots(state)
             return state
@@ -604,15 +611,15 @@ class Mechanism:
             singular = self.singular(state)
             end = f" The mode ends at {singular}."
             evidence = {"kind": singular.kind, "direction": singular.direction, "pose": self.pose(state.y)}
-        if residual <= RESIDUAL_TOLERANCE:
+        if residual <= self.tolerance:
             reason = "they can be closed there, but only at or beyond a singular pose of this mode"
         else:
             reason = f"there the residual cannot be made smaller than {residual:.3g}"
-            reason += f", the tolerance is {RESIDUAL_TOLERANCE:g}"
+            reason += f", the tolerance is {self.tolerance:g}"
         return AssemblyError(
             f"the loops cannot be closed at {self.pose_text(y)}: {followed}; {reason}: stay inside this mode's "
             f"reach, or give a configuration of the mode that you mean.{end}",
-            margin=min(RESIDUAL_TOLERANCE - residual, 0.0),
+            margin=min(self.tolerance - residual, 0.0),
             residual=residual,
             reached=state.y.copy(),
             tree_coordinates=state.q.copy(),
@@ -645,6 +652,25 @@ class Mechanism:
             max_nfev=20,
         )
         return place(solution.x)
+
+    @cached_property
+    def gap(self) -> float:
+        """Residual that rounding of the file's numbers leaves in the loops, rad or shares of `Closure.length`, or 0."""
+        from leg_dynamics.mechanism.assembly import configuration_coordinates
+        from leg_dynamics.mechanism.rounded import closing_gap
+
+        home = self.description.home
+        return closing_gap(self, configuration_coordinates(self, {} if home is None else dict(home.values)))
+
+    @cached_property
+    def tolerance(self) -> float:
+        """Norm of the residual up to which loops count as closed."""
+        return max(RESIDUAL_TOLERANCE, GAP_TOLERANCE * self.gap)
+
+    @cached_property
+    def rank_share(self) -> float:
+        """Singular values of the rows that are smaller than this, relative to the largest, count as zero."""
+        return max(RANK_TOLERANCE, GAP_SHARE * self.gap)
 
     @property
     def seeds(self) -> tuple[ClosedState, ...]:
@@ -1244,7 +1270,7 @@ class Mechanism:
         balance = balance.copy()
         balance[self.actuated] -= self.actuator_effort(state, generalized)
         K, unit = state.rows.jacobian, self.closure.coordinate_unit
-        multipliers, _, rank, _ = np.linalg.lstsq((K * unit).T, balance * unit, rcond=RANK_TOLERANCE)
+        multipliers, _, rank, _ = np.linalg.lstsq((K * unit).T, balance * unit, rcond=self.rank_share)
         multipliers /= self.closure.row_unit
         wrenches = {}
         self.place(state)

@@ -22,8 +22,6 @@ __all__ = [
     "wrong_independent",
 ]
 
-# Singular values below this share of the largest count as zero. K is dimensionless here: see `Closure`.
-RANK_SHARE = 1e-9
 # A rank is taken where the loops are closed to this residual: an open pose has the rank of a stiffer mechanism.
 CLOSED = 1e-12
 # A file's rounded configuration is brought to the nearest closed pose when its residual is below this.
@@ -37,9 +35,11 @@ NEIGHBOURS = 6
 NEIGHBOUR_DRAWS = 3
 # A row that counts by less than this share at generic poses counts only because the file's numbers are rounded.
 ROUNDED_SHARE = 1e-4
+# And one below this may do so: worth a hint where the count is wrong.
+SUSPECT_SHARE = 3e-3
 ROUNDED_ADVICE = (
-    "the file's numbers are rounded (an angle of 1.5708 is off by 3.7e-06): write them with all digits, or use a loop "
-    "type with fewer rows, such as spherical"
+    "the file's numbers are rounded (an angle of 1.57 is off by 8e-04): write them with all digits, or use loop types "
+    "with fewer rows"
 )
 
 
@@ -119,8 +119,9 @@ def pose_rank(mechanism: Mechanism, q: np.ndarray, pose: str) -> PoseRank:
     sigma = np.linalg.svd(K, compute_uv=False) if K.size else np.zeros(0)
     # K is dimensionless: a lone small row is no row.
     largest = float(sigma.max(initial=1.0))
-    rank = int(np.count_nonzero(sigma > RANK_SHARE * largest))
+    rank = int(np.count_nonzero(sigma > mechanism.rank_share * largest))
     dependent = K[:, mechanism.dependent]
+    least = mechanism.rank_share * largest
     below = float(sigma[rank] / largest) if rank < len(sigma) else 0.0
     return PoseRank(
         pose=pose,
@@ -128,16 +129,22 @@ def pose_rank(mechanism: Mechanism, q: np.ndarray, pose: str) -> PoseRank:
         rank=rank,
         redundant=mechanism.closure.rows - rank,
         mobility=mechanism.nv - rank,
-        dependent_rank=int(np.linalg.matrix_rank(dependent, tol=RANK_SHARE * largest)) if dependent.size else 0,
+        dependent_rank=int(np.linalg.matrix_rank(dependent, tol=least)) if dependent.size else 0,
         gap=(float(sigma[rank - 1] / largest) if rank else 0.0, below),
     )
 
 
-def project(mechanism: Mechanism, q: np.ndarray) -> np.ndarray | None:
+def project(mechanism: Mechanism, q: np.ndarray, *, exactly: bool = False) -> np.ndarray | None:
     """A closed pose near q (nv,) by minimum-norm Newton over all joints, independent ones too; None where it fails.
 
-    Needs no independent joints: this is how the mobility of a wrongly flagged file is found.
+    Needs no independent joints: this is how the mobility of a wrongly flagged file is found. Closed to the last digit,
+    or, unless `exactly`, to `Mechanism.gap`.
     """
+    if not exactly and mechanism.gap:
+        from leg_dynamics.mechanism.rounded import settle
+
+        settled = settle(mechanism, q, mechanism.rank_share)
+        return settled[0] if settled is not None and settled[1] <= mechanism.tolerance else None
     unit = mechanism.closure.coordinate_unit
     for _ in range(PROJECTION_ITERATIONS):
         rows = mechanism.evaluate(q)
@@ -176,7 +183,7 @@ def _flags_error(mechanism: Mechanism, rank: PoseRank) -> DescriptionError:
         fault = f'{flagged - mobility} of them cannot move freely: mark passive joints independent="false"'
     else:
         fault = "but these joints do not determine the others: mark other joints independent"
-    if 0.0 < rank.gap[0] < ROUNDED_SHARE:
+    if 0.0 < rank.gap[0] < SUSPECT_SHARE:
         fault = (
             f"but one of the rows counts by {rank.gap[0]:.3g} of the largest only, so that the mobility is greater if "
             f"{ROUNDED_ADVICE}"

@@ -145,7 +145,7 @@ def _solutions(mechanism: Mechanism, current: ClosedState, attempts: int, seed: 
         q = current.q.copy()
         q[dependent] = generator.uniform(lower, upper)
         q, residual = descend(mechanism, q, dependent)
-        if residual > NEARLY_CLOSED:
+        if residual > max(NEARLY_CLOSED, mechanism.tolerance):
             continue
         closed += 1
         state = mechanism.correct(wrapped(mechanism, q), 0.05)

@@ -27,6 +27,7 @@ from leg_dynamics.errors import (
     ShapeError,
     SingularityError,
 )
+from leg_dynamics.mechanism.reach import is_beyond, longest_reach, reach_text
 
 if TYPE_CHECKING:
     from leg_dynamics.mechanism.mechanism import ClosedState, Mechanism
@@ -58,6 +59,8 @@ LEAST_CURVATURE = 0.2
 DIFFERENCE = 1e-6
 # Below that share a direction of the foot counts as lost while the posture is improved.
 POSTURE_RANK = 1e-5
+# Descents towards a target that the links are too short for.
+FAR_STARTS = 3
 # Farther targets, in characteristic lengths, are looked for at this distance.
 FARTHEST = 1e6
 AXES = ("v_x", "v_y", "v_z", "ω_x", "ω_y", "ω_z")
@@ -391,6 +394,7 @@ class PoseSearch:
         self.limited = limits == "error"
         self.starts = int(starts)
         self.length = home_length(mechanism)
+        self._longest_reach = longest_reach(mechanism)
         self.unit = _unit(mechanism, self.length)
         independent, dependent = mechanism.independent, mechanism.dependent
         self.lower, self.upper = mechanism.lower[independent], mechanism.upper[independent]
@@ -443,7 +447,8 @@ class PoseSearch:
         targets = arrays[0]
         assert targets is not None
         result = np.full((len(targets), self.width), np.nan)
-        for row in range(len(targets)):
+        far = is_beyond(targets, self._longest_reach)
+        for row in (*np.flatnonzero(far).tolist(), *np.flatnonzero(~far).tolist()):
             position, matrix, first, wanted = (None if array is None else array[row] for array in arrays)
             assert position is not None
             try:
@@ -516,6 +521,8 @@ class PoseSearch:
         """The solved pose, improved along its self-motions, and the number of starts that it took."""
         best: _Point | None = None
         tried = 0
+        if is_beyond(task.position, self._longest_reach):
+            return self._relaxed(task, first, best, posture, tried)
         for start in self._starting_poses(first):
             tried += 1
             point = self._descend(task, start, self.limited)
@@ -758,9 +765,11 @@ class PoseSearch:
         outside: ClosedState | None = None
         least = np.inf
         poses = [] if best is None else [best.state.y]
-        # Without limits there is little to get stuck at: a quarter of the starts will do.
-        poses += self._starting_poses(first)[: max(4, self.starts // 4)]
-        for start in poses if self.limited else ():
+        beyond = bool(is_beyond(task.position, self._longest_reach))
+        # Without limits there is little to get stuck at: a quarter of the starts will do. Where none can reach the
+        # target, a few tell the nearest pose.
+        poses += self._starting_poses(first)[: FAR_STARTS if beyond else max(4, self.starts // 4)]
+        for start in poses if self.limited or beyond else ():
             tried += 1
             point = self._descend(task, start, False)
             if point is None:
@@ -791,9 +800,11 @@ class PoseSearch:
         if task.rotation is not None:
             evidence["missing_angle"] = float(np.linalg.norm(pin.log3(task.rotation @ rotation.T)))
             angle = f" and {evidence['missing_angle']:.3g} rad"
+        more = "; check the workspace, pass a start nearby, or more starts"
         raise OutOfReachError(
             f"no joint coordinates were found that {aim}: the nearest of {tried} descents, the joint limits left "
-            f"aside, is {distance:.3g} m{angle} away; check the workspace, pass a start nearby, or more starts",
+            f"aside, is {distance:.3g} m{angle} away"
+            + (f": {reach_text(task.position, self._longest_reach)}; check the workspace" if beyond else more),
             **evidence,
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,9 @@ from leg_dynamics.mechanism.assembly import SAME_POSE, close_configuration, conf
 from leg_dynamics.mechanism.mechanism import DOUBTFUL_INVERSE, ClosedState, LoopForces, Mechanism
 from leg_dynamics.mechanism.mobility import MobilityReport, mobility_report
 from leg_dynamics.mechanism.modes import AssemblyMode, find_modes
+from leg_dynamics.mechanism.reach import from_hip, is_beyond, longest_reach, reach_text
 from leg_dynamics.mechanism.redundant import RANK_SHARE, PoseSearch, RankReport, rank_report
+from leg_dynamics.mechanism.touching import check_touching
 
 __all__ = ["PinocchioRoute"]
 
@@ -189,6 +192,11 @@ class PinocchioRoute:
         """Gruebler count against the rank of the loop rows."""
         return mobility_report(self.mechanism, samples, seed)
 
+    @property
+    def loop_gap(self) -> float:
+        """What rounding leaves of the loops' residual, rad or m."""
+        return self.mechanism.gap * max(1.0, self.mechanism.closure.length)
+
     def home_coordinates(self) -> np.ndarray:
         """Independent coordinates of the pose that defines the assembly mode, (n,); zeros of an open chain."""
         mechanism = self.mechanism
@@ -213,13 +221,45 @@ class PinocchioRoute:
                     state = mechanism.close(y)
                 else:
                     before, state = state, mechanism.follow(state, y)
-                    mechanism.check_held(before, state)
+                    self._check_held(before, state)
             except RowError as error:
                 failures = RowFailures()
                 failures.add(row, error)
                 raise failures.combined(len(q)) from None
             found[row] = state.q
         return found
+
+    def _check_held(self, before: ClosedState, after: ClosedState) -> None:
+        """As `Mechanism.check_held`; the error carries `tree_coordinates` too."""
+        mechanism = self.mechanism
+        try:
+            mechanism.check_held(before, after)
+        except SingularityError as error:
+            pose = np.array([error.evidence["pose"][name] for name in self.joint_names])
+            reached = mechanism.follow(before, pose).q
+            raise SingularityError(error.message, **{**error.evidence, "tree_coordinates": reached}) from None
+
+    def check_between(self, found: np.ndarray, time: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> None:
+        """Check that a motion, (N, n) each, touches no singular pose between its samples, whose poses `follow` found.
+
+        Raises
+        ------
+        SingularityError
+            With `time`, see `leg_dynamics.mechanism.touching`.
+        """
+        check_touching(self.mechanism, found, time, q, v, a)
+
+    def nearest_singular(self, found: np.ndarray) -> tuple[int, float, str, dict[str, float]]:
+        """Of closed tree coordinates (N, nv) the ones nearest to a singular pose: row, singular value, kind, direction.
+
+        The singular value is the smallest of the dependent columns of the loop rows, dimensionless.
+        """
+        mechanism = self.mechanism
+        states = [mechanism.state_of(q) for q in found]
+        values = [float(mechanism.singular_values(state)[-1]) for state in states]
+        row = int(np.argmin(values))
+        singular = mechanism.singular(states[row])
+        return row, values[row], singular.kind, singular.direction
 
     def forget(self) -> None:
         """Let this thread's next pose not depend on those before."""
@@ -337,19 +377,38 @@ class PinocchioRoute:
 
     def inverse_kinematics(self, p: np.ndarray, branch: str, failures: RowFailures) -> np.ndarray:
         """Joint coordinates of the solution that continues from the configuration `branch`, (..., n)."""
-        if p.ndim == 1:
+        targets = np.atleast_2d(p)
+        result = np.full((len(targets), self.mechanism.n), np.nan)
+        far = is_beyond(targets, self._longest_reach)
+        if far.any():
+            rows = np.flatnonzero(far)
+            failures.add(rows, self._too_far(targets[rows], branch))
+        for row in np.flatnonzero(~far):
             try:
-                return self._reach(p, branch)
-            except RowError as error:
-                failures.add(0, error)
-                return np.full(self.mechanism.n, np.nan)
-        result = np.full((len(p), self.mechanism.n), np.nan)
-        for row in range(len(p)):
-            try:
-                result[row] = self._reach(p[row], branch)
+                result[row] = self._reach(targets[row], branch)
             except RowError as error:
                 failures.add(row, error)
-        return result
+        return result.reshape(*p.shape[:-1], self.mechanism.n)
+
+    @cached_property
+    def _longest_reach(self) -> float:
+        return longest_reach(self.mechanism)
+
+    def _too_far(self, p: np.ndarray, branch: str) -> OutOfReachError:
+        """The error for points (k, 3) that the links are too short for."""
+        missing = from_hip(p) - self._longest_reach
+        try:
+            missing[0], state = self._descend(p[0], self._regular(self._start(branch)))
+            nearest, found = state.y, f", the nearest point found is {missing[0]:.3g} m away"
+        except (AssemblyError, SingularityError):
+            nearest, found = np.zeros(0), ""
+        return OutOfReachError(
+            f"no joint coordinates in branch {branch!r} put the foot at {p[0].tolist()} m{found}: "
+            f"{reach_text(p[0], self._longest_reach)}; check the workspace",
+            rows=np.arange(len(p)),
+            margin=-missing,
+            nearest=nearest,
+        )
 
     def _start(self, branch: str) -> ClosedState:
         """The closed pose of a configuration, provided that it lies in the assembly mode."""

@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Singular", "describe"]
 
-# A singular value that has fallen to this share of its value at the seed is the one that vanishes nearby.
-FALLEN = 0.05
-# Columns whose smallest singular value is no larger than that times the dependent ones' are singular as they are.
+# Columns whose smallest singular value, relative to its usual one, is no larger than that times the dependent ones' are
+# singular as they are.
 COMPARABLE = 10.0
+# Of the usual value: what has fallen below is rounding, however small the dependent columns' value is.
+VANISHED = 1e-7
 RANK_SHARE = 1e-6
 # Joints that take part in a motion by less than this share of the largest are not named.
 SHOWN = 0.05
@@ -64,17 +65,12 @@ def describe(mechanism: Mechanism, state: ClosedState) -> Singular:
     """
     seed = mechanism.seeds[0]
     free = np.setdiff1d(np.arange(mechanism.nv), mechanism.actuated)
-    everything = np.arange(mechanism.nv)
-    least = float(np.linalg.svd(state.dependent_jacobian, compute_uv=False)[-1])
+    least = _share(mechanism, seed, state, mechanism.dependent)
     kind = "coordinates"
-    for name, columns in (("constraint", everything), ("parallel", free)):
-        usual = _singular_values(mechanism, seed, columns)
-        rank = int(np.count_nonzero(usual > RANK_SHARE * usual.max(initial=0.0)))
-        if not rank:
-            continue
-        value = _singular_values(mechanism, state, columns)[rank - 1]
-        # The seed may be near a singular pose itself: then more columns help as little as these.
-        if value < FALLEN * usual[rank - 1] or value < COMPARABLE * least:
+    # Near a singular pose of more columns theirs falls as fast as that of the dependent ones; of fewer, it stays.
+    for name, columns in (("constraint", np.arange(mechanism.nv)), ("parallel", free)):
+        share = _share(mechanism, seed, state, columns)
+        if share < max(COMPARABLE * least, VANISHED):
             kind = name
             break
     _, _, right = np.linalg.svd(state.dependent_jacobian)
@@ -82,6 +78,18 @@ def describe(mechanism: Mechanism, state: ClosedState) -> Singular:
     motion[mechanism.dependent] = right[-1]
     motion /= motion[np.argmax(np.abs(motion))]
     return Singular(kind, dict(zip(mechanism.tree.joint_names, motion.tolist(), strict=True)))
+
+
+def _share(mechanism: Mechanism, seed: ClosedState, state: ClosedState, columns: np.ndarray) -> float:
+    """The singular value that must not vanish for some columns to have their usual rank, as a share of the usual one.
+
+    Infinite where there is nothing that could vanish.
+    """
+    usual = _singular_values(mechanism, seed, columns)
+    rank = int(np.count_nonzero(usual > RANK_SHARE * usual.max(initial=0.0)))
+    if not rank:
+        return np.inf
+    return float(_singular_values(mechanism, state, columns)[rank - 1] / usual[rank - 1])
 
 
 def _singular_values(mechanism: Mechanism, state: ClosedState, columns: np.ndarray) -> np.ndarray:

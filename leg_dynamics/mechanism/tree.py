@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
-from leg_dynamics.description.model import Description, Joint, Pose
+from leg_dynamics.description.model import Description, Joint, Link, Pose
 from leg_dynamics.description.topology import joints_depth_first
 from leg_dynamics.errors import DescriptionError, UnsupportedError
+from leg_dynamics.mechanism.tree_check import check_tree
 
 __all__ = ["FrameMemory", "Tree", "create_data", "tree_urdf"]
 
@@ -39,52 +42,52 @@ def _finite(value: float) -> str:
     return repr(min(max(value, -UNLIMITED), UNLIMITED))
 
 
-def _complete_joint(element: ElementTree.Element, joint: Joint) -> None:
-    for tag in ("axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"):
-        for child in element.findall(tag):
-            element.remove(child)
+def _words(values: Iterable[float]) -> str:
+    return " ".join(map(repr, values))
+
+
+def _add_origin(element: ElementTree.Element, pose: Pose) -> None:
+    ElementTree.SubElement(element, "origin", xyz=_words(pose.xyz), rpy=_words(pose.rpy))
+
+
+def _add_link(root: ElementTree.Element, link: Link) -> None:
+    element = ElementTree.SubElement(root, "link", name=link.name)
+    if (body := link.inertial) is None:
+        return
+    inertial = ElementTree.SubElement(element, "inertial")
+    _add_origin(inertial, body.origin)
+    ElementTree.SubElement(inertial, "mass", value=repr(body.mass))
+    moments = {name: repr(getattr(body, name)) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+    ElementTree.SubElement(inertial, "inertia", moments)
+
+
+def _add_joint(root: ElementTree.Element, joint: Joint) -> None:
+    element = ElementTree.SubElement(root, "joint", name=joint.name, type=joint.type)
+    ElementTree.SubElement(element, "parent", link=joint.parent)
+    ElementTree.SubElement(element, "child", link=joint.child)
+    _add_origin(element, joint.origin)
+    if joint.type == "fixed":
+        return
     bounds = {name: _finite(getattr(joint.limits, name)) for name in ("lower", "upper", "effort", "velocity")}
     # The unit vector: pinocchio's reader squares what the file says, and squares overflow or vanish.
-    ElementTree.SubElement(element, "axis", xyz=" ".join(map(repr, joint.axis)))
+    ElementTree.SubElement(element, "axis", xyz=_words(joint.axis))
     ElementTree.SubElement(element, "limit", bounds)
     ElementTree.SubElement(element, "dynamics", damping=_finite(joint.damping), friction=_finite(joint.friction))
 
 
-def _complete_link(element: ElementTree.Element) -> None:
-    for tag in ("visual", "collision"):
-        for child in element.findall(tag):
-            element.remove(child)
-    for inertia in element.findall("inertial/inertia"):
-        for product in ("ixy", "ixz", "iyz"):
-            inertia.attrib.setdefault(product, "0")
-
-
 def tree_urdf(description: Description) -> str:
-    """Links and joints of the file as strict URDF, for readers that refuse what URDF+ may leave out.
+    """Links and joints as strict URDF, written from the description: readers of URDF differ in what they let pass.
 
-    Axes are unit vectors, limits, damping and friction complete, infinite limits large numbers, products of inertia
-    stated. Loops, couplings, mimicry and shapes are left out: pinocchio's tree has no use for them.
-
-    Raises
-    ------
-    DescriptionError
-        The text is not XML.
+    urdfdom for example drops a body without a word where a blank follows its mass. Axes are unit vectors, limits,
+    damping and friction complete, infinite limits large numbers. Loops, couplings, mimicry and shapes are left out:
+    pinocchio's tree has no use for them.
     """
-    try:
-        source = ElementTree.fromstring(description.urdf)
-    except ElementTree.ParseError as error:
-        raise DescriptionError(f"pinocchio cannot read the tree: {error}", file=description.file) from error
-    joints = {joint.name: joint for joint in description.joints}
     # Without the version: only the loops' dialect has other ones.
     root = ElementTree.Element("robot", name=description.name)
-    for element in source:
-        if element.tag == "link":
-            _complete_link(element)
-        elif element.tag != "joint":
-            continue
-        elif (joint := joints.get(element.attrib.get("name", ""))) is not None and joint.type != "fixed":
-            _complete_joint(element, joint)
-        root.append(element)
+    for link in description.links:
+        _add_link(root, link)
+    for joint in description.joints:
+        _add_joint(root, joint)
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -101,29 +104,40 @@ def create_data(model: pin.Model) -> pin.Data:
             return model.createData()
         except MemoryError:
             pass
-    raise _too_many_joints(model.nv)
+    raise UnsupportedError(_too_many_joints(model.nv), joints=model.nv)
 
 
-def _too_many_joints(joints: int) -> UnsupportedError:
-    most = math.floor((MOST_DATA_BYTES / DATA_BYTES) ** (1 / 3))
-    return UnsupportedError(
+def _most_joints() -> int:
+    return math.floor((MOST_DATA_BYTES / DATA_BYTES) ** (1 / 3))
+
+
+def _too_many_joints(joints: int) -> str:
+    return (
         f"{joints} tree joints are too many: pinocchio would need {DATA_BYTES * joints**3 / 2**30:.3g} GiB for each "
-        f"thread, the limit is {MOST_DATA_BYTES / 2**30:.3g} GiB, about {most} joints; "
-        "fix joints that need not move, or model a part of the mechanism",
-        joints=joints,
+        f"thread, the limit is {MOST_DATA_BYTES / 2**30:.3g} GiB, about {_most_joints()} "
+        "joints; fix joints that need not move, or model a part of the mechanism"
     )
+
+
+def _unsupported(description: Description, message: str, line: int | None, **evidence: Any) -> UnsupportedError:
+    """The error for what this route cannot compute of a file, naming file and line."""
+    place = description.file if line is None else f"{description.file}:{line}"
+    return UnsupportedError(f"{place}: {message}", file=description.file, line=line, **evidence)
 
 
 def _check_size(description: Description) -> None:
     """Refuse a tree that pinocchio's reader would take the interpreter down with."""
     joints = len(description.moving_joints)
     if DATA_BYTES * joints**3 > MOST_DATA_BYTES:
-        raise _too_many_joints(joints)
+        line = description.moving_joints[_most_joints()].line
+        raise _unsupported(description, _too_many_joints(joints), line, joints=joints)
     links = len(description.links)
     if links > MOST_LINKS:
-        raise UnsupportedError(
+        raise _unsupported(
+            description,
             f"{links} links are too many for pinocchio's reader, the limit is {MOST_LINKS}: merge links that fixed "
             "joints hold together",
+            description.links[MOST_LINKS].line,
             links=links,
         )
     depth = {description.root: 0}
@@ -131,9 +145,11 @@ def _check_size(description: Description) -> None:
         depth[joint.child] = depth[joint.parent] + 1
     deepest = max(depth.values())
     if deepest > MOST_DEPTH:
-        raise UnsupportedError(
+        raise _unsupported(
+            description,
             f"{deepest} joints in a chain are too many for pinocchio's reader, the limit is {MOST_DEPTH}: merge links "
             "that fixed joints hold together",
+            next(joint.line for joint in description.joints if depth[joint.child] > MOST_DEPTH),
             depth=deepest,
         )
 
@@ -162,30 +178,29 @@ class Tree:
 
     @classmethod
     def from_description(cls, description: Description) -> Tree:
-        """Let pinocchio parse the file's tree and check that it found the joints that the description found.
+        """Let pinocchio parse the tree and check that it has the joints, placements and bodies of the description.
 
         Raises
         ------
         UnsupportedError
             A joint has more than one coordinate (floating, planar), or carries a mass that is no mass to pinocchio.
         DescriptionError
-            pinocchio refuses the file or reads other joints.
+            pinocchio refuses the tree, or reads other joints, placements, masses or inertias.
         """
         for joint in description.moving_joints:
             if not joint.is_single_coordinate:
-                raise UnsupportedError(
+                raise _unsupported(
+                    description,
                     f"joint {joint.name!r} is {joint.type}: this route handles revolute, continuous and prismatic "
                     "joints; give the leg a fixed base",
+                    joint.line,
                     joint=joint.name,
                 )
         _check_size(description)
         try:
             model = pin.buildModelFromXML(tree_urdf(description))
         except (ValueError, RuntimeError) as error:
-            raise DescriptionError(
-                f"pinocchio cannot read the tree: {error} (a body's <inertial> needs its mass and inertia)",
-                file=description.file,
-            ) from error
+            raise DescriptionError(f"pinocchio cannot read the tree: {error}", file=description.file) from error
         names = tuple(model.names[1:])
         expected = {joint.name for joint in description.moving_joints}
         if set(names) != expected:
@@ -195,12 +210,15 @@ class Tree:
             )
         for name, inertia in zip(names, list(model.inertias)[1:], strict=True):
             if 0.0 < inertia.mass < SMALLEST_MASS:
-                raise UnsupportedError(
+                raise _unsupported(
+                    description,
                     f"joint {name!r} carries {inertia.mass:g} kg, which pinocchio cannot add up, the least is "
                     f"{SMALLEST_MASS:.3g} kg: check the unit, or leave the mass out (0)",
+                    description.joint(name).line,
                     joint=name,
                     mass=float(inertia.mass),
                 )
+        check_tree(model, description)
         idx_q = np.array([model.joints[i].idx_q for i in range(1, model.njoints)], dtype=np.intp)
         is_circle = np.array([model.joints[i].nq == 2 for i in range(1, model.njoints)], dtype=bool)
         armature = model.armature

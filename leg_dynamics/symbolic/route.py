@@ -428,6 +428,11 @@ class SymbolicRoute:
 
         return self._run("tree_coordinates", (q,), failures, retry, (len(self.tree_joint_names),))
 
+    @property
+    def loop_gap(self) -> float:
+        """What rounding leaves of the loops' residual, rad or m, by the fallback."""
+        return float(getattr(self.fallback, "loop_gap", 0.0))
+
     def home_coordinates(self) -> np.ndarray:
         """Independent coordinates of the pose that defines the assembly mode, (n,)."""
         try:

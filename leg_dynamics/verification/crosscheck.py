@@ -12,7 +12,7 @@ import numpy as np
 from leg_dynamics.errors import AssemblyError, ParameterError, RowError, ShapeError, SingularityError
 from leg_dynamics.leg import Leg
 from leg_dynamics.routes import load, routes_of, sibling, with_text
-from leg_dynamics.verification.comparison import ROUTE_TOLERANCE, Progress, check, compare, on_one_sheet, relative
+from leg_dynamics.verification.comparison import ROUTE_TOLERANCE, Progress, check, compare, relative
 from leg_dynamics.verification.first_principles import against_first_principles
 from leg_dynamics.verification.perturbation import with_random_inertia
 from leg_dynamics.verification.report import Check, CrosscheckReport
@@ -192,7 +192,7 @@ def crosscheck_legs(
     for number, other in enumerate(others):
         group = f"{reference.route} against {other.route}"
         start = 0.05 + number * span
-        errors = relative(*on_one_sheet(reference, drawn.assembled[0], drawn.assembled[number + 1]), 1)
+        errors = relative(drawn.assembled[0], drawn.assembled[number + 1], 1)
         quantity = "joint angles that close the loops"
         detail = _assembly_reason((reference, other), unordered, errors)
         checks.append(check(group, quantity, errors, ROUTE_TOLERANCE, reference, unordered.q, detail=detail))

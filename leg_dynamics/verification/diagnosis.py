@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -63,7 +63,7 @@ class Entries:
         chosen : array of bool
             The entries meant, of the result's shape.
         neutral : array of bool
-            Entries that may belong to them as well as not, since they are always zero.
+            Entries that may belong to them as well as not, since what is said of them is true of these too.
         """
         if not self.axes:
             return "every value"
@@ -229,16 +229,16 @@ def _by_entry(
     names: Mapping[float, str],
 ) -> str:
     """What each differing entry differs by, entries that differ by the same together."""
-    found: dict[str, np.ndarray] = {}
+    found: dict[_Statement, np.ndarray] = {}
     for index in map(tuple, np.argwhere(differing)):
-        text = _of_entry(pair, index, terms, names)
-        found.setdefault(text, np.zeros_like(differing))[index] = True
-    if set(found) == {""}:
+        statement = _of_entry(pair, index, terms, names)
+        found.setdefault(statement, np.zeros_like(differing))[index] = True
+    if {statement.text for statement in found} == {""}:
         return ""
-    neutral = pair.always_zero()
+    zero, none = pair.always_zero(), np.zeros_like(differing)
     sentences = []
-    for text, chosen in found.items():
-        where = entries.listed(chosen, neutral if chosen.ndim == 2 else np.zeros_like(chosen))
+    for (text, of_zero), chosen in found.items():
+        where = entries.listed(chosen, zero if of_zero and chosen.ndim == 2 else none)
         if where == "every value" and not text.startswith("is "):
             sentences.append(text)
         else:
@@ -248,27 +248,34 @@ def _by_entry(
     return "; ".join(sentences)
 
 
+class _Statement(NamedTuple):
+    """What is said of an entry, and whether it is true of an entry that is always zero as well: a factor is."""
+
+    text: str
+    of_zero: bool = False
+
+
 def _of_entry(
     pair: _Pair, index: tuple[int, ...], terms: Sequence[Mapping[str, np.ndarray]], names: Mapping[float, str]
-) -> str:
+) -> _Statement:
     factor = _factor(pair, index)
     known = (0.0, -1.0, *names, *(-name for name in names))
     if factor is not None and any(abs(factor - other) <= NAMED_WITHIN * max(abs(other), 1.0) for other in known):
-        return _said(factor, names)
+        return _Statement(_said(factor, names), True)
     entry: Any = (slice(None), *index)
     difference, scale = (pair.own - pair.reference)[entry], pair.scale.reshape(-1)
     offset = float(np.mean(difference))
     if (np.abs(difference - offset) <= pair.tolerance * scale).all():
-        return f"is off by the constant {offset:.8g}"
+        return _Statement(f"is off by the constant {offset:.8g}")
     if factor is not None:
-        return _said(factor, names)
+        return _Statement(_said(factor, names), True)
     for group in terms:
         text = _of_terms(
             difference / scale, {name: part[entry] / scale for name, part in group.items()}, pair.tolerance
         )
         if text:
-            return text
-    return ""
+            return _Statement(text)
+    return _Statement("")
 
 
 def _of_terms(difference: np.ndarray, terms: Mapping[str, np.ndarray], tolerance: float) -> str:

@@ -13,11 +13,14 @@ is not compared, and a note says so. The object may also have
 * ``gravity``: the gravity its formulas compute with, a vector in the hip frame or a magnitude along the file's.
 
 Where a result is wrong, results that depend on it are too. They are held against each other as well (the Jacobian
-against differences of the own position, and so on), and what follows from an error further up is reported as such.
+against differences of the own position, and so on), and what follows from an error further up is reported as such. So
+is what a method cannot do since another one that it calls raises, returns nothing of use or cannot be called: where
+results are missing, the calls are observed. One order of the joints' names that explains several results is one error.
 """
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import difflib
 import functools
@@ -35,8 +38,9 @@ import numpy as np
 
 from leg_dynamics.errors import LegDynamicsError, MissingFootError, ParameterError
 from leg_dynamics.leg import Leg
+from leg_dynamics.verification.calls import names_that_failed, observed
 from leg_dynamics.verification.comparison import ROUTE_TOLERANCE, Progress, on_one_sheet, relative
-from leg_dynamics.verification.diagnosis import Entries, agree, diagnose, orders
+from leg_dynamics.verification.diagnosis import LEAST_STATES, Entries, agree, diagnose, orders
 from leg_dynamics.verification.first_principles import DIFFERENCE_TOLERANCE, gradient, loop_residual, slope
 from leg_dynamics.verification.report import OWN_GROUP, Check, OwnCheck, OwnFormulasReport
 from leg_dynamics.verification.states import ROOM_SHARE, States, smallest_singular_values, with_room
@@ -71,8 +75,14 @@ CLOSED = 1e-9
 EFFORT = 10.0
 """N·m or N, of the efforts that forward dynamics is compared at."""
 
+OBSERVED = 3
+"""States at which the methods that a method calls are looked for."""
+TRIED = 12
+"""States at which other orders of the joints' names are tried first."""
+
 _NUMBERED = re.compile(r"((?:\(\d+[a-z]?\)(?:\s*(?:-|–|,|to|and)\s*)?)+)\.?\s*$")
 _FORCE_TERM = "the foot force's term"
+_EXCHANGED = "agrees when the coordinates"
 
 
 @dataclass(frozen=True)
@@ -95,6 +105,7 @@ _LOADS = ("foot_force", "gravity")
 _QUANTITIES = {
     quantity.method: quantity
     for quantity in (
+        _Quantity("assemble", "joint angles that close the loops", ("q",), "{}", ("tree",)),
         _Quantity("foot_position", "foot position", ("q",), "foot {}", ("foot",)),
         _Quantity("inverse_kinematics", "inverse kinematics", ("p",), "{}", ("joint",)),
         _Quantity("jacobian", "foot Jacobian", ("q",), "d foot {} / d {}", ("foot", "joint")),
@@ -170,6 +181,27 @@ class _Values:
 
 
 @dataclass(frozen=True)
+class _Observed:
+    """One call of a method: which others ended in it, the innermost first, and what it raised.
+
+    Attributes
+    ----------
+    called : frozenset of str
+        All other methods.
+    useless : tuple of (str, bool)
+        Those that returned nothing of use, and whether they may have raised.
+    raised : _Raised or None
+    names : frozenset of str
+        Names in the expression that raised a TypeError: of what could not be called.
+    """
+
+    called: frozenset[str]
+    useless: tuple[tuple[str, bool], ...]
+    raised: _Raised | None
+    names: frozenset[str]
+
+
+@dataclass(frozen=True)
 class _Method:
     function: Callable[..., Any]
     signature: inspect.Signature | None
@@ -201,6 +233,7 @@ class OwnFormulas:
         self.reference = reference
         self.name = getattr(own, "__name__", type(own).__name__)
         self.notes: list[str] = []
+        self.not_callable: dict[str, str] = {}
         if inspect.isclass(own):
             raise ParameterError(f"{self.name} is a class: pass an object, {self.name}(...)", parameter="leg")
         self.methods = dict(self._methods(own))
@@ -210,13 +243,14 @@ class OwnFormulas:
                 f"one or more of {', '.join(METHODS)}",
                 parameter="leg",
             )
-        foot_methods = [name for name in self.methods if name in _QUANTITIES and _QUANTITIES[name].of_foot]
+        foot_methods = [name for name in self.methods if _QUANTITIES[name].of_foot]
         if foot_methods and reference.foot is None:
             raise MissingFootError(
                 f"{', '.join(foot_methods)} of {self.name} cannot be compared: {reference.name!r} names no foot; pass "
                 "foot= with the name of its link"
             )
-        self.order, self.actuator_order = self._orders(own)
+        self._actuator_names = _names(own, "actuator_names")
+        self.order, self.actuator_order = self._orders(_names(own, "joint_names"))
         self.equations = self._equations(own)
         self.gravity = self._gravity(own)
         self.codes = self._codes()
@@ -227,13 +261,13 @@ class OwnFormulas:
             if function is None:
                 continue
             if not callable(function):
-                self.notes.append(f"{name} is no method but {type(function).__name__}, and was left out")
+                self.not_callable[name] = type(function).__name__
                 continue
             try:
                 signature = inspect.signature(function)
             except (TypeError, ValueError):
                 signature = None
-            possible = _QUANTITIES[name].options if name in _QUANTITIES else ()
+            possible = _QUANTITIES[name].options
             named = {} if signature is None else signature.parameters
             options = {option for option in possible if option in named}
             required = {option for option in options if named[option].default is inspect.Parameter.empty}
@@ -273,12 +307,18 @@ class OwnFormulas:
                 found.setdefault(code, []).append(name)
         return {code: names[0] for code, names in found.items() if len(names) == 1}
 
-    def _orders(self, own: Any) -> tuple[np.ndarray, np.ndarray]:
+    def with_joint_names(self, joints: Sequence[str]) -> OwnFormulas:
+        """The same formulas as they would be read with other `joint_names`; notes are its own."""
+        other = copy.copy(self)
+        other.notes = list(self.notes)
+        other.order, other.actuator_order = self._orders(joints)
+        return other
+
+    def _orders(self, joints: Sequence[str] | None) -> tuple[np.ndarray, np.ndarray]:
         """Places in the reference's joints and actuators of the object's own ones."""
         leg = self.reference
-        joints = _names(own, "joint_names")
         order = np.arange(len(leg.joint_names)) if joints is None else _places(joints, leg.joint_names, "joint_names")
-        actuators = _names(own, "actuator_names")
+        actuators = self._actuator_names
         driven = leg.backend.actuator_joints
         if actuators is not None:
             known = driven if set(actuators) == set(driven) else leg.actuator_names
@@ -335,7 +375,8 @@ class OwnFormulas:
     def size(self, axis: str) -> tuple[str, ...]:
         """Names along an axis of results."""
         leg = self.reference
-        return {"foot": ("x", "y", "z"), "joint": leg.joint_names, "actuator": leg.actuator_names}[axis]
+        names = {"foot": ("x", "y", "z"), "joint": leg.joint_names, "actuator": leg.actuator_names}
+        return (names | {"tree": leg.tree_joint_names})[axis]
 
     def entries(self, name: str) -> Entries:
         """Names of the entries of a method's result."""
@@ -344,6 +385,22 @@ class OwnFormulas:
 
     def values(self, name: str, inputs: _Inputs, *, with_gravity: bool = False) -> _Values:
         """Results at N states; a foot force is passed where the inputs have one, gravity where asked for or needed."""
+        quantity = _QUANTITIES[name]
+        arguments, options = self._given(name, inputs, with_gravity)
+        shape = self._shape(name)
+        result = self._each(name, arguments, options, shape, inputs.q, lambda value: _read(value, shape))
+        array = result.array
+        for axis, kind in enumerate(quantity.axes, start=1):
+            if kind != "foot":
+                order = self.order if kind == "joint" else self.actuator_order
+                array = array.take(np.argsort(order), axis=axis)
+        return replace(result, array=array)
+
+    def _shape(self, name: str) -> tuple[int, ...]:
+        return tuple(len(self.size(axis)) for axis in _QUANTITIES[name].axes)
+
+    def _given(self, name: str, inputs: _Inputs, with_gravity: bool) -> tuple[list[np.ndarray], dict[str, np.ndarray]]:
+        """Arguments and options of a method at N states, in its own order."""
         quantity, method = _QUANTITIES[name], self.methods[name]
         options: dict[str, np.ndarray] = {}
         if "foot_force" in method.options and (inputs.foot_force is not None or "foot_force" in method.required):
@@ -355,14 +412,45 @@ class OwnFormulas:
             array = getattr(inputs, argument)
             order = {"p": slice(None), "tau": self.actuator_order}.get(argument, self.order)
             arguments.append(array[:, order])
-        shape = tuple(len(self.size(axis)) for axis in quantity.axes)
-        result = self._each(name, arguments, options, shape, inputs.q, lambda value: _read(value, shape))
-        array = result.array
-        for axis, kind in enumerate(quantity.axes, start=1):
-            if kind != "foot":
-                order = self.order if kind == "joint" else self.actuator_order
-                array = array.take(np.argsort(order), axis=axis)
-        return replace(result, array=array)
+        return arguments, options
+
+    def observed(self, name: str, inputs: _Inputs, *, with_gravity: bool = False) -> Iterator[_Observed]:
+        """What happens in a method's calls at N states."""
+        function = self.methods[name].function
+        arguments, options = self._given(name, inputs, with_gravity)
+        for row in range(len(inputs.q)):
+            called: set[str] = set()
+            useless: dict[str, bool] = {}
+
+            def tell(method: str, value: Any, called: set[str] = called, useless: dict[str, bool] = useless) -> None:
+                if method != name:
+                    called.add(method)
+                    if not self._is_useful(method, value):
+                        useless.setdefault(method, value is None)
+
+            call = functools.partial(
+                function,
+                *(array[row].copy() for array in arguments),
+                **{option: array[row].copy() for option, array in options.items()},
+            )
+            raised, names = None, frozenset[str]()
+            try:
+                observed(call, self.codes, tell)
+            except (Exception, SystemExit) as error:
+                raised = _Raised(type(error).__name__, str(error), _way(error))
+                if isinstance(error, TypeError):
+                    names = names_that_failed(error.__traceback__)
+            yield _Observed(frozenset(called), tuple(useless.items()), raised, names)
+
+    def _is_useful(self, name: str, value: Any) -> bool:
+        """Whether what a method returned has the numbers that it should have."""
+        try:
+            if name == "assemble":
+                return bool(value) and all(_read(each, ()) is not None for each in value.values())
+            _read(value, self._shape(name))
+        except Exception:  # whatever it is, it is no array of numbers
+            return False
+        return True
 
     def coordinates(self, q: np.ndarray) -> tuple[_Values, tuple[str, ...]]:
         """Joint coordinates of `assemble`, (N, k), and the joints that it gives."""
@@ -408,7 +496,8 @@ class OwnFormulas:
                 method.signature.bind(*arguments, **options)
             except TypeError as error:
                 called = f"{name}({', '.join(_arguments(name) + tuple(options))})"
-                return _Values(np.full((len(q), *(shape or ())), np.nan), f"cannot be called as {called}: {error}")
+                complaint = f"cannot be called as {called}: {error}"
+                return _Values(np.full((len(q), *(shape or ())), np.nan), complaint, (_Raised("", complaint),))
         for row in range(len(q)):
             value: np.ndarray | None = None
             try:
@@ -474,7 +563,7 @@ def _places(given: Sequence[str], known: Sequence[str], attribute: str) -> np.nd
 
 
 def _arguments(name: str) -> tuple[str, ...]:
-    return _QUANTITIES[name].arguments if name in _QUANTITIES else ("q",)
+    return _QUANTITIES[name].arguments
 
 
 def _kind(value: Any) -> str:
@@ -641,21 +730,17 @@ class _Comparison:
         self.cases: dict[Key, _Case] = {}
         self.not_compared: dict[str, str] = {}
         self.raised: dict[Key, tuple[_Raised, ...]] = {}
+        self.bad: dict[Key, np.ndarray] = {}
+        self.statements: dict[Key, str] = {}
+        self.called: dict[str, str] = {}
+        self._known_calls: dict[str, frozenset[str]] = {}
 
     def report(self, samples: int, seed: int, counts: tuple[int, int]) -> OwnFormulasReport:
         formulas = self.formulas
-        checks: list[OwnCheck] = []
-        given = [name for name in METHODS if name in formulas.methods]
-        for number, name in enumerate(given):
-            self.tell(name, 0.7 * number / len(given))
-            if name == "assemble":
-                checks += self._assemble()
-            elif name == "inverse_kinematics":
-                checks += self._inverse_kinematics()
-            else:
-                checks += self._compared(_QUANTITIES[name])
+        checks = self._against_the_file()
         self.tell("own formulas among themselves", 0.7)
-        checks = self._explained(checks)
+        checks = self._with_names_exchanged(checks) or self._explained(checks)
+        checks = [*self._not_callable(), *checks]
         return OwnFormulasReport(
             f"{formulas.name} against {self.leg.name} by {self.leg.route}",
             ("own formulas", self.leg.route),
@@ -664,10 +749,43 @@ class _Comparison:
             tuple[Check, ...](checks),
             len(self.states),
             *counts,
-            tuple(name for name in METHODS if name not in formulas.methods),
+            tuple(name for name in METHODS if name not in formulas.methods and name not in self.called),
             self.not_compared,
             tuple(formulas.notes),
         )
+
+    def _against_the_file(self) -> list[OwnCheck]:
+        checks: list[OwnCheck] = []
+        given = [name for name in METHODS if name in self.formulas.methods]
+        for number, name in enumerate(given):
+            self.tell(name, 0.7 * number / len(given))
+            if name == "assemble":
+                checks += self._assemble()
+            elif name == "inverse_kinematics":
+                checks += self._inverse_kinematics()
+            else:
+                checks += self._compared(_QUANTITIES[name])
+        return checks
+
+    def _not_callable(self) -> Iterator[OwnCheck]:
+        """Failing rows of what another method calls and is no method; a note of each that none calls."""
+        nowhere = dict.fromkeys(self.leg.joint_names, np.nan)
+        for name, kind in self.formulas.not_callable.items():
+            if name not in self.called:
+                self.formulas.notes.append(f"{name} is no method but {kind}, and was left out")
+                continue
+            yield OwnCheck(
+                "against the file",
+                _QUANTITIES[name].title,
+                np.nan,
+                self.tolerance,
+                len(self.states),
+                nowhere,
+                detail=f"is no method but {kind}, and {self.called[name]} calls it",
+                method=name,
+                equation=self.formulas.equations.get(name, ""),
+                share=1.0,
+            )
 
     # ------------------------------------------------------------------ one method
 
@@ -726,6 +844,7 @@ class _Comparison:
 
     def _check(self, case: _Case, title: str) -> OwnCheck:
         entries = self.formulas.entries(case.key[0])
+        self.bad[case.key] = ~(relative(case.own, case.reference, case.own.ndim - 1) <= self.tolerance)
         detail = case.complaint
         group = "against the file"
         return self._made(
@@ -789,6 +908,7 @@ class _Comparison:
                 closer = diagnose(few.own, few.reference, entries, self.tolerance, terms=terms, factors=factors)
             text = closer or text
         if text:
+            self.statements[case.key] = text
             yield text
         if f"wrong sign of {_FORCE_TERM}" in text:
             by = " by 2 J^T foot_force" if name in ("torque", "generalized_force") else ""
@@ -903,9 +1023,7 @@ class _Comparison:
         for order in orders(len(joints)):
             moved = ", ".join(joint for joint, place in zip(joints, order, strict=True) if joint != joints[place])
             what = "are exchanged" if sum(i != j for i, j in enumerate(order)) == 2 else "are in another order"
-            meant = ", ".join(joints[order[place]] for place in self.formulas.order)
-            sentence = f"agrees when the coordinates {moved} {what}: joint_names = ({meant}) says so"
-            meanings.append((sentence, q[:, list(order)]))
+            meanings.append((f"{_EXCHANGED} {moved} {what}", q[:, list(order)]))
         for sentence, other in meanings:
             if agree(self._own("foot_position", case.inputs.at(other)), case.reference, self.tolerance):
                 return sentence
@@ -930,10 +1048,12 @@ class _Comparison:
         shown = columns if names else list(range(len(leg.tree_joint_names)))
         own, reference = own[:, shown], reference[:, shown]
         entries = Entries("{}", (tuple(leg.tree_joint_names[i] for i in shown),))
-        title = "joint angles that close the loops"
-        check = self._made(
-            "against the file", "assemble", title, own, reference, q, entries, self.tolerance, result.complaint
-        )
+        key = ("assemble", "")
+        self.cases[key] = _Case(key, self.inputs, own, reference, result.complaint)
+        self.bad[key] = ~(relative(own, reference, 1) <= self.tolerance)
+        title, partly = self._compared_joints(names)
+        detail = "; ".join(text for text in (result.complaint, partly) if text)
+        check = self._made("against the file", "assemble", title, own, reference, q, entries, self.tolerance, detail)
         if not check.passed:
             # First as they are: moved by whole turns they are no multiples any more.
             text = diagnose(raw[:, shown], reference, entries, self.tolerance)
@@ -947,6 +1067,21 @@ class _Comparison:
                     diagnosis = ["these close the loops too: another assembly mode than the file's configuration"]
             check = replace(check, diagnosis=tuple(text for text in diagnosis if text))
         yield check
+
+    def _compared_joints(self, names: Sequence[str]) -> tuple[str, str]:
+        """What the coordinates of some joints are called, and what is said of those that are missing."""
+        leg, whole = self.leg, _QUANTITIES["assemble"].title
+        missing = [name for name in leg.tree_joint_names if name not in names]
+        if not names or not missing:
+            return whole, ""
+        text = f"compared: {', '.join(names)}; not given: {', '.join(missing)}"
+        if set(names) <= set(leg.joint_names) < set(leg.tree_joint_names):
+            title = f"independent coordinates alone: {', '.join(names)}"
+            text += ", so that nothing shows how the loops close"
+        else:
+            title = f"{whole}: {', '.join(names)}"
+        self.formulas.notes.append(f"assemble: {text}")
+        return title, text
 
     def _other_coordinates(self, shown: Sequence[int], own: np.ndarray, reference: np.ndarray) -> str:
         """How the independent coordinates of `assemble` differ from those that it was called with."""
@@ -992,6 +1127,7 @@ class _Comparison:
             more = f"the leg cannot be assembled at the joint coordinates found, at {lost.sum()} of {len(lost)} states"
             detail = "; ".join(text for text in (detail, more) if text)
         self.cases[name, ""] = _Case((name, ""), inputs, own.array, inputs.q, own.complaint)
+        self.bad[name, ""] = ~(relative(reached, inputs.p, 1) <= self.tolerance)
         title = _QUANTITIES[name].title
         check = self._made(
             "against the file", name, title, reached, inputs.p, inputs.q, entries, self.tolerance, detail
@@ -1006,10 +1142,81 @@ class _Comparison:
 
     # ------------------------------------------------------------------ own results against each other
 
+    def _with_names_exchanged(self, checks: list[OwnCheck]) -> list[OwnCheck] | None:
+        """The checks where another order of the joints' names mends some that fail and harms none; None otherwise.
+
+        What it mends is one error. The others are as they are with that order.
+        """
+        failing = [check for check in checks if not check.passed]
+        joints, formulas = self.leg.joint_names, self.formulas
+        for other in orders(len(joints)) if failing else ():
+            named = [joints[formulas.order[place]] for place in other]
+            if not self._mended(formulas.with_joint_names(named), map(_key, failing)):
+                continue
+            renamed = _Comparison(formulas.with_joint_names(named), self.states, self.tolerance, lambda *_: None)
+            again = renamed._against_the_file()
+            if [check.quantity for check in again] != [check.quantity for check in checks]:
+                continue
+            pairs = list(zip(checks, again, strict=True))
+            mended = [check for check, other in pairs if other.passed and not check.passed]
+            harmed = any(check.passed and not other.passed for check, other in pairs)
+            several = len({check.method for check in mended}) > 1 or len(mended) == len(failing)
+            if mended and several and not harmed:
+                return self._one_cause(checks, mended, renamed, again, named)
+        return None
+
+    def _mended(self, formulas: OwnFormulas, keys: Iterable[Key]) -> bool:
+        """Whether formulas that are read in another way are right in one of some results, at a few states."""
+        for key in keys:
+            case = self.cases.get(key)
+            if case is None or len(case.own) - int(_lost(case.own).sum()) < LEAST_STATES:
+                continue
+            known = np.flatnonzero(~_lost(case.own))[:TRIED]
+            inputs, reference = case.inputs.take(known), case.reference[known]
+            if key[0] == "assemble":
+                own = formulas.coordinates(inputs.q)[0].array
+            else:
+                own = formulas.values(key[0], inputs, with_gravity=key[1] == "gravity").array
+            if own.shape == reference.shape and agree(own, reference, self.tolerance):
+                return True
+        return False
+
+    def _one_cause(
+        self,
+        checks: Sequence[OwnCheck],
+        mended: Sequence[OwnCheck],
+        renamed: _Comparison,
+        again: list[OwnCheck],
+        names: Sequence[str],
+    ) -> list[OwnCheck]:
+        """The checks, of which those that other names mend have one cause."""
+        joints, formulas = self.leg.joint_names, self.formulas
+        moved = [joint for joint, name in zip((joints[i] for i in formulas.order), names, strict=True) if joint != name]
+        moved.sort(key=joints.index)
+        what = "are exchanged" if len(moved) == 2 else "are in another order"
+        said = f"joint_names = ({', '.join(names)}) says so"
+        first = mended[0]
+        alone = all(check.method == first.method for check in mended)
+        which = "agrees" if alone else "agrees, as does all that is said to follow from it,"
+        diagnosis = [text for text in first.diagnosis if not text.startswith(_EXCHANGED)]
+        if not (alone and "joint_names" in str(diagnosis)):
+            diagnosis.append(f"{which} when the coordinates {', '.join(moved)} {what}: {said}")
+        rest = iter(renamed._explained(again))
+        result = []
+        for check in checks:
+            other = next(rest)
+            if check is first:
+                result.append(replace(check, diagnosis=tuple(diagnosis)))
+            elif check in mended:
+                result.append(replace(check, diagnosis=(f"agrees where {said}",), follows_from=first.method))
+            else:
+                result.append(other)
+        self.called |= renamed.called
+        return result + list(rest)
+
     def _explained(self, checks: list[OwnCheck]) -> list[OwnCheck]:
         """The checks with what follows from what, and those of own results among themselves that this rests on."""
-        titles = {_title((name, variant)): (name, variant) for name in _QUANTITIES for variant in _VARIANTS}
-        failing = {titles[check.quantity] for check in checks if check.quantity in titles and not check.passed}
+        failing = {_key(check) for check in checks if not check.passed}
         doubtful = failing | {key for key in self.cases if key[0] in self.not_compared}
         roots: dict[Key, str] = {}
         rows: list[OwnCheck] = []
@@ -1030,17 +1237,28 @@ class _Comparison:
             held[number] = row.passed
             rows.append(row)
         for check in checks:
-            key = titles.get(check.quantity)
-            if key is None or key not in failing:
+            key = _key(check)
+            if key not in failing:
                 explained.append(check)
                 continue
             mine = [number for number, relation in enumerate(relations) if relation.target == key]
             texts, root = [], ""
             broken = [number for number in mine if not held[number]]
-            sources = dict.fromkeys(k for n in mine for k in relations[n].upstream if k in failing)
-            if self._as_without_loads(key, failing):
+            upstream = dict.fromkeys(k for n in mine for k in relations[n].upstream if k in failing)
+            sources = [k for k in upstream if not self._uses(k[0], key[0])]
+            used = [
+                relation.target
+                for number, relation in enumerate(relations)
+                if held[number] and key in relation.upstream and relation.target in failing
+                if self._uses(key[0], relation.target[0])
+            ]
+            if said := self._as_without_loads(key, failing):
                 root = roots.get((key[0], ""), "") or key[0]
-                texts.append(f"differs by the same as {_title((key[0], ''))}")
+                texts.append(f"{said} {_title((key[0], ''))}")
+            elif excuse := self._excused(key, failing, roots):
+                other, said = excuse
+                root = roots.get((other, ""), "") or other
+                texts.append(said)
             elif broken:
                 relation = relations[broken[0]]
                 wrong = [_title(k) for k in relation.upstream if k in failing]
@@ -1051,39 +1269,95 @@ class _Comparison:
                 else:
                     agree_ = "agrees" if len(sound) == 1 else "agree"
                     texts.append(f"{said}, although {' and '.join(sound)} {agree_}: the error is here")
-            elif caller := self._raised_by(key, roots):
-                root = roots.get(caller, "") or caller[0]
-                texts.append(
-                    f"raises the same as {_title((key[0], ''))}"
-                    if caller[0] == key[0]
-                    else f"raised by the own {caller[0]}, which it calls"
-                )
+            elif used and not self._lost_more(key, used):
+                root = used[0][0]
+                texts.append(f"as follows from the own {_title(used[0])}, which it calls and which disagrees")
             elif sources:
-                first = next(iter(sources))
+                first = sources[0]
                 named = " and ".join(_title(k) for k in sources)
-                if self._lost_more(key, list(sources)):
+                if self._lost_more(key, sources):
                     texts.append(f"gives no numbers where the own {named} does, an error here beside that one")
                 else:
                     root = roots.get(first, "") or first[0]
                     texts.append(f"as follows from the own {named}, which disagrees")
             roots[key] = root
             explained.append(replace(check, diagnosis=(*check.diagnosis, *texts), follows_from=root))
+        # A method may follow from one that comes after it, and that one from another.
+        explained = [replace(check, follows_from=_origin(check.follows_from, roots)) for check in explained]
         for number, row in enumerate(rows):
             if not row.passed:
                 keys = (relations[number].target, *relations[number].upstream)
                 blamed = next((key for key in keys if key in failing), None)
-                cause = "" if blamed is None else roots[blamed] or blamed[0]
+                cause = "" if blamed is None else _origin(roots[blamed] or blamed[0], roots)
                 rows[number] = replace(row, follows_from=cause)
         return explained + rows
 
-    def _raised_by(self, key: Key, roots: Mapping[Key, str]) -> Key | None:
-        """The own result that raises all that this one raises, inside its method; None where there is more to it."""
-        case, raised = self.cases[key], self.raised.get(key, ())
-        errors = relative(case.own, case.reference, case.own.ndim - 1)
-        if not raised or (errors > self.tolerance).any():
+    def _uses(self, method: str, other: str) -> bool:
+        """Whether a method computes with another one, and not that one with it."""
+        return other in self._calls(method) and method not in self._calls(other)
+
+    def _calls(self, method: str) -> frozenset[str]:
+        """The other methods that a method calls at some states."""
+        if method not in self._known_calls:
+            called: set[str] = set()
+            for (name, variant), case in self.cases.items():
+                if name == method:
+                    some = case.inputs.take(np.arange(len(case.inputs.q))[:OBSERVED])
+                    for call in self.formulas.observed(name, some, with_gravity=variant == "gravity"):
+                        called |= call.called
+            self._known_calls[method] = frozenset(called)
+        return self._known_calls[method]
+
+    def _excused(self, key: Key, failing: set[Key], roots: Mapping[Key, str]) -> tuple[str, str] | None:
+        """A method that gives this one nothing of use wherever this one is wrong, and a sentence.
+
+        None where there is none, or more to it.
+        """
+        name, variant = key
+        useless = {other for other, raised in self.raised.items() if raised and other in failing}
+        # Methods that call each other are not each other's excuse.
+        mutual = {name} | {other for (other, _), root in roots.items() if root == name}
+        others = {other for other, _ in useless} - mutual
+        if not (others or self.formulas.not_callable) or name not in self.formulas.methods:
             return None
-        sources = [self._source(key, each, roots) for each in raised]
-        return sources[0] if None not in sources else None
+        raising = {other for (other, _), raised in self.raised.items() if any(each.kind for each in raised)}
+        found: list[tuple[str, str]] = []
+        inputs = self.cases[key].inputs.take(np.flatnonzero(self.bad[key]))
+        for call in self.formulas.observed(name, inputs, with_gravity=variant == "gravity"):
+            excuse = self._excuse(key, call, others, raising, roots)
+            if excuse is None:
+                return None
+            found.append(excuse)
+        if not found:
+            return None
+        other, said = found[0]
+        if other in self.formulas.not_callable:
+            self.called.setdefault(other, name)
+        return other, said
+
+    def _excuse(
+        self, key: Key, call: _Observed, others: set[str], raising: set[str], roots: Mapping[Key, str]
+    ) -> tuple[str, str] | None:
+        """Why one call could not do better: a method that it called, and a sentence."""
+        for other, may_have_raised in call.useless:
+            # What a method makes of an exception is its own: below.
+            if other in others and not (may_have_raised and other in raising):
+                return other, f"calls the own {other}, which returns nothing of use there"
+        if call.raised is None:
+            return None
+        for other in (*self.formulas.not_callable, *sorted(others)):
+            if other in call.names and (other in self.formulas.not_callable or self._cannot_be_called(other)):
+                return other, f"calls the own {other}, which cannot be called so"
+        source = self._source(key, call.raised, roots)
+        if source is None:
+            return None
+        if source[0] == key[0]:
+            return key[0], f"raises the same as {_title((key[0], ''))}"
+        return source[0], f"raised by the own {source[0]}, which it calls"
+
+    def _cannot_be_called(self, name: str) -> bool:
+        case = self.cases.get((name, ""))
+        return case is not None and case.complaint.startswith("cannot be called")
 
     def _source(self, key: Key, raised: _Raised, roots: Mapping[Key, str]) -> Key | None:
         """The own result whose method, called by this one, raises the same exception by itself."""
@@ -1111,15 +1385,24 @@ class _Comparison:
             lost = lost & ~theirs
         return bool(lost.any())
 
-    def _as_without_loads(self, key: Key, failing: set[Key]) -> bool:
-        """Whether a result with loads is off by what it is off by without them."""
+    def _as_without_loads(self, key: Key, failing: set[Key]) -> str:
+        """How a result with loads is wrong in the way in which it is without them; empty where it is not."""
         base = (key[0], "")
         if not key[1] or base not in failing or len(self.cases[base].own) != len(self.cases[key].own):
-            return False
+            return ""
         loaded, unloaded = self.cases[key], self.cases[base]
         if self._lost_more(key, [base]):
-            return False
-        return agree(loaded.own - loaded.reference, unloaded.own - unloaded.reference, 10.0 * self.tolerance)
+            return ""
+        if agree(loaded.own - loaded.reference, unloaded.own - unloaded.reference, 10.0 * self.tolerance):
+            return "differs by the same as"
+        statement = self.statements.get(key, "")
+        if statement and statement == self.statements.get(base) and "no simple relation" not in statement:
+            return "is wrong in the same way as"
+        raised = {(each.kind, each.text) for each in self.raised.get(key, ())}
+        same = raised and raised <= {(each.kind, each.text) for each in self.raised.get(base, ())}
+        if not same or (self.bad[key] & ~_lost(loaded.own)).any():
+            return ""
+        return "raises the same as" if any(kind for kind, _ in raised) else "is as useless as"
 
     def _relations(self, doubtful: set[Key]) -> Iterator[_Relation]:
         """What own results demand of each other; those whose members all agree with the reference say nothing new."""
@@ -1210,13 +1493,28 @@ class _Comparison:
         joints = self.leg.joint_names
         at_joints = [joints.index(name) for name in driven] if set(driven) == set(joints) else None
         pushed = replace(every, foot_force=self.states.foot_force)
-        for name in ("generalized_force", "torque"):
+        # Each of the two may be computed from the other.
+        first, second = "generalized_force", "torque"
+        if {first, second} <= self.formulas.methods.keys() and self._uses(first, second):
+            first, second = second, first
+
+        def as_second(values: np.ndarray) -> np.ndarray:
+            moved = np.empty_like(values)
+            if second == "torque":
+                moved[:] = values[:, at_joints]
+            else:
+                moved[:, at_joints] = values
+            return moved
+
+        title = _QUANTITIES[first].title
+        for name in (first, second):
             if name == "torque" and at_joints is None:
                 continue
             order = at_joints if name == "torque" and at_joints is not None else list(range(len(joints)))
-            if name == "torque" and (keys := members((name, ""), "generalized_force")):
-                right = own("generalized_force", every)[:, order]
-                yield from relation(keys, "is the generalized force", own(name, every), right, every, fine)
+            general = name == second and at_joints is not None
+            if general and (keys := members((name, ""), first)):
+                right = as_second(own(first, every))
+                yield from relation(keys, f"is the {title}", own(name, every), right, every, fine)
             elif keys := members((name, ""), "mass_matrix", "bias"):
                 right = (_product(own("mass_matrix", every), every.a) + own("bias", every))[:, order]
                 yield from relation(keys, "is M a + h", own(name, every), right, every, fine)
@@ -1224,13 +1522,12 @@ class _Comparison:
                 left, right = own(name, every.without("a")), own("bias", every)[:, order]
                 yield from relation(keys, "is the bias force at a = 0", left, right, every, fine)
             # Of a torque that is computed from the generalized force, errors of the loads are there.
-            general = name == "torque"
-            if general and (keys := members((name, "gravity"), ("generalized_force", "gravity"))):
-                right = hung("generalized_force")[:, order]
-                yield from relation(keys, "is the tilted generalized force", hung(name), right, tilted, fine)
-            if general and (keys := members((name, "foot_force"), ("generalized_force", "foot_force"))):
-                right = own("generalized_force", pushed)[:, order]
-                statement = "is the generalized force with foot force"
+            if general and (keys := members((name, "gravity"), (first, "gravity"))):
+                right = as_second(hung(first))
+                yield from relation(keys, f"is the tilted {title}", hung(name), right, tilted, fine)
+            if general and (keys := members((name, "foot_force"), (first, "foot_force"))):
+                right = as_second(own(first, pushed))
+                statement = f"is the {title} with foot force"
                 yield from relation(keys, statement, own(name, pushed), right, pushed, fine)
             elif keys := members((name, "foot_force"), (name, ""), "jacobian"):
                 change = -np.einsum("...ji,...j->...i", own("jacobian", every), self.states.foot_force)
@@ -1272,6 +1569,21 @@ class _Comparison:
         count = len(chosen)
         gravity = np.broadcast_to(self.formulas.gravity, (count, 3))
         return _Inputs(chosen.q, chosen.v, chosen.a, np.zeros((count, self.inputs.tau.shape[1])), gravity)
+
+
+def _key(check: OwnCheck) -> Key:
+    """The result that a check against the file is of."""
+    variants = (variant for variant in _VARIANTS if check.quantity == _title((check.method, variant)))
+    return check.method, next(variants, "")
+
+
+def _origin(method: str, roots: Mapping[Key, str]) -> str:
+    """The method that one follows from in the end."""
+    passed = set[str]()
+    while method and method not in passed and (further := roots.get((method, ""), "")):
+        passed.add(method)
+        method = further
+    return method
 
 
 def _title(key: Key) -> str:

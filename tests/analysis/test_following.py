@@ -13,6 +13,8 @@ from leg_dynamics.analysis import trajectories as tr
 from leg_dynamics.errors import ActuationError, AssemblyError, EffortLimitError, SingularityError
 
 from ..five_bar import TOGGLE, five_bar
+from ..four_bar import COUPLER, HOME, ROCKER, four_bar, passive
+from ..four_bar import TOGGLE as TOGGLE_CRANK
 
 
 def line(start, end, duration=1.0, count=101, force=None):
@@ -48,17 +50,49 @@ def test_a_motion_through_the_toggle_point_stops_there(route):
     leg = ld.load(five_bar(), route=route)
     motion = line([math.pi - 1.2, 1.2], [math.pi - 0.5, 0.5], duration=2.0)
     with pytest.raises(
-        (AssemblyError, SingularityError), match=r"at t = [\d.]+ s of line: .*parallel singularity"
+        (AssemblyError, SingularityError),
+        match=r"at t = [\d.]+ s of line, before the sample at [\d.]+ s: .*parallel singularity",
     ) as caught:
         tr.torque_along(leg, motion)
     error = caught.value
     toggle_time = 2.0 * (1.2 - TOGGLE) / 0.7
+    assert error.time == pytest.approx(toggle_time, abs=1e-4)
     # The first sample that is not reached.
-    assert 0.0 <= error.time - toggle_time <= 0.02 + 1e-9
+    assert 0.0 <= error.sample_time - toggle_time <= 0.02 + 1e-9
     assert error.kind == "parallel"
     assert {name for name, x in error.direction.items() if abs(x) > 1e-3} == {"ka", "kb"}
     assert error.pose["mb"] == pytest.approx(TOGGLE, abs=1e-4)
-    assert motion.time[error.all_rows.min()] == error.time
+    assert motion.time[error.all_rows.min()] == error.sample_time
+    assert error.tree_pose["ma"] == error.pose["ma"]
+    # Both distal links in line: their angles from the horizontal, about -y, differ by half a turn.
+    across = error.tree_pose["ma"] + error.tree_pose["ka"] - error.tree_pose["mb"] - error.tree_pose["kb"]
+    assert math.cos(across) == pytest.approx(-1.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("route", ["pinocchio", "symbolic"])
+@pytest.mark.parametrize("count", [2, 7, 40, 101])
+def test_the_time_is_that_of_the_pose(route, count):
+    """Two motors on one side of a five-bar lose a motion where the other side's crank and link are in line."""
+    leg = ld.load(five_bar(("mb", "kb")), route=route)
+    arm = stretched_arm(1.2)
+    motion = line([arm - 0.2, 1.2], [arm + 0.1, 1.2], count=count)
+    with pytest.raises(SingularityError, match="do not hold every motion") as caught:
+        tr.torque_along(leg, motion)
+    error = caught.value
+    assert error.kind == "parallel"
+    assert error.time == pytest.approx(2.0 / 3.0, abs=1e-4)
+    assert error.pose["ma"] == pytest.approx(arm, abs=1e-5)
+    assert math.sin(error.tree_pose["ka"]) == pytest.approx(0.0, abs=1e-4)
+    assert error.sample_time == motion.time[error.all_rows.min()]
+
+
+def stretched_arm(mb):
+    """Crank angle of the left side where its knee is straight and the pin is at 0.25 m from the right knee."""
+    knee = np.array([0.1 + 0.2 * math.cos(mb), -0.2 * math.sin(mb)])
+    way = knee - np.array([-0.1, 0.0])
+    distance = float(np.hypot(*way))
+    corner = math.acos((0.45**2 + distance**2 - 0.25**2) / (2.0 * 0.45 * distance))
+    return math.atan2(-way[1], way[0]) + corner
 
 
 def test_a_motion_that_comes_back_does_not_hide_the_toggle_point():
@@ -84,7 +118,117 @@ def test_a_leg_that_would_be_mirrored_is_refused():
     )
     with pytest.raises(AssemblyError, match=r"at t = 0 s the motion has arrived in another assembly mode") as caught:
         tr.assemble_along(mixed, INSIDE)
-    assert caught.value.time == 0.0
+    error = caught.value
+    assert error.time == error.sample_time == 0.0
+    assert error.kind is None
+    assert set(error.difference) == {"ka", "kb"}
+    home, mirrored = leg.assemble(INSIDE.q[0]), other.assemble(INSIDE.q[0])
+    for name, difference in error.difference.items():
+        assert difference == pytest.approx(float(mirrored[name] - home[name]), abs=1e-9)
+    assert error.nearest["kind"] in ("parallel", "coordinates", "constraint")
+    assert error.nearest["time"] == 0.0
+    assert error.nearest["margin"] > 0.01
+    assert "passes no singular pose" in str(error)
+
+
+def turning_back(gap, count, shift=0.0, accelerate=True):
+    """A crank that comes within `gap` rad of a four-bar's toggle point between two samples and turns back."""
+    time = np.linspace(0.0, 1.0, count)
+    phase, swing = math.pi * time + shift / count, TOGGLE_CRANK - gap - HOME
+    q, v = HOME + swing * np.sin(phase), swing * math.pi * np.cos(phase)
+    a = -swing * math.pi**2 * np.sin(phase) * accelerate
+    return tr.Trajectory(time, q[:, None], v[:, None], a[:, None])
+
+
+@pytest.mark.parametrize("route", ["pinocchio", "symbolic"])
+@pytest.mark.parametrize("accelerate", [True, False])
+@pytest.mark.parametrize("count", [10, 50, 200])
+def test_a_singular_pose_touched_between_two_samples_is_seen(route, accelerate, count):
+    leg = ld.load(four_bar(), route=route)
+    motion = turning_back(0.0, count, accelerate=accelerate)
+    # No sample is near it, and the leg has torques at all of them.
+    near = np.abs(motion.time - 0.5) < 0.51 / (count - 1)
+    assert np.isfinite(leg.torque(motion.q[~near], motion.v[~near], motion.a[~near])).all()
+    with pytest.raises(SingularityError, match=r"between its samples at .* touches a singular pose") as caught:
+        tr.assemble_along(leg, motion)
+    error = caught.value
+    assert error.kind == "parallel"
+    assert error.time == pytest.approx(0.5, abs=2e-3)
+    assert motion.time[error.rows[0] - 1] <= error.time <= error.sample_time == motion.time[error.rows[0]]
+    assert error.pose["a"] == pytest.approx(TOGGLE_CRANK, abs=1e-4)
+    assert error.tree_pose["a"] == error.pose["a"]
+    # Coupler and rocker in line: b alone turns against c.
+    assert error.direction["c"] / error.direction["b"] == pytest.approx(-COUPLER / ROCKER, abs=1e-2)
+    assert abs(float(error.margin[0])) < 1e-2
+
+
+@pytest.mark.parametrize("accelerate", [True, False])
+@pytest.mark.parametrize(("gap", "counts"), [(1e-1, (6, 10)), (1e-2, (6, 20)), (1e-3, (20, 50)), (1e-5, (200, 1000))])
+def test_a_motion_that_turns_back_before_the_singular_pose_is_none_that_touches_it(gap, counts, accelerate):
+    leg = ld.load(four_bar())
+    for count in counts:
+        for shift in (0.0, 0.3, 0.7):
+            motion = turning_back(gap, count, shift, accelerate)
+            found = tr.assemble_along(leg, motion)
+            b, c = passive(motion.q[:, 0])
+            np.testing.assert_allclose(found["b"], b, atol=1e-7 / gap**0.5)
+            np.testing.assert_allclose(found["c"], c, atol=1e-7 / gap**0.5)
+
+
+@pytest.mark.parametrize("count", [5, 10, 20, 100])
+def test_coarse_and_rough_motions_of_a_five_bar_raise_no_alarm(count):
+    """Far from the toggle by plane geometry at 2,000 poses between the samples."""
+    leg, draw = ld.load(five_bar()), np.random.default_rng(count)
+    dense, tried = np.linspace(0.0, 1.0, 2001), 0
+    time = np.linspace(0.0, 1.0, count)
+    while tried < 6:
+        middle, size = leg.home + draw.uniform(-0.2, 0.2, 2), draw.uniform(0.0, 0.6, 2)
+        speed, phase = draw.uniform(1.0, 12.0, 2), draw.uniform(0.0, 6.0, 2)
+        ma, mb = (middle + size * np.sin(speed * dense[:, None] + phase)).T
+        apart = np.hypot(0.2 + 0.2 * (np.cos(mb) - np.cos(ma)), 0.2 * (np.sin(mb) - np.sin(ma)))
+        if apart.max() > 0.5 - 1e-3 or apart.min() < 1e-2:
+            continue
+        tried += 1
+        angle = speed * time[:, None] + phase
+        q, v, a = middle + size * np.sin(angle), size * speed * np.cos(angle), -size * speed**2 * np.sin(angle)
+        for rates in ((v, a), (np.gradient(q, time, axis=0), 0.0 * a), (0.0 * v, 0.0 * a)):
+            tr.assemble_along(leg, tr.Trajectory(time, q, *rates))
+
+
+@pytest.mark.parametrize("rate", [10.0, 100.0])
+def test_the_legs_own_motions_raise_no_alarm(rate):
+    leg = ld.load("omnileg", route="pinocchio")
+    for make in tr.named(leg).values():
+        motion = make(2.0, rate)
+        tr.assemble_along(leg, motion)
+        still = tr.Trajectory(motion.time, motion.q[:1].repeat(len(motion), axis=0), *(0.0 * motion.q,) * 2)
+        tr.assemble_along(leg, still)
+
+
+@pytest.mark.parametrize("route", ["pinocchio", "symbolic"])
+@pytest.mark.parametrize(("start", "end"), [(-1.2, 1.2), (1.2, -1.2)])
+def test_passive_angles_are_continuous(route, start, end):
+    """The coupler turns by more than half a turn against the crank, once by way of the home pose's far side."""
+    leg = ld.load(four_bar(), route=route)
+    motion = line([start], [end], count=500)
+    found = tr.assemble_along(leg, motion)
+    at_home = passive(HOME)
+    for name, angle, home in zip("bc", passive(motion.q[:, 0]), at_home, strict=True):
+        # The first sample's turn is that of `Leg.assemble`: within half a turn of home.
+        turn = 2.0 * math.pi * np.round((home - angle[0]) / (2.0 * math.pi))
+        np.testing.assert_allclose(found[name], np.unwrap(angle) + turn, atol=1e-8)
+        assert np.abs(np.diff(found[name])).max() < 0.02
+
+
+def test_formulas_alone_are_continuous_too():
+    """A route that cannot continue a pose: jumps of more than half a turn are taken out."""
+    leg, motion = ld.load(four_bar()), line([1.2], [-1.2], count=100)
+    route = types.SimpleNamespace()
+    alone = types.SimpleNamespace(
+        assemble=leg.assemble, backend=route, description=leg.description, joint_names=leg.joint_names
+    )
+    assert np.abs(np.diff(leg.assemble(motion.q)["b"])).max() > 6.0
+    assert np.abs(np.diff(tr.assemble_along(alone, motion)["b"])).max() < 0.1
 
 
 def test_a_leg_by_formulas_goes_along_too():

@@ -126,3 +126,17 @@ def test_errors():
         singularity_distance(leg, home[:2], [1.0, 0.0, 0.0])
     with pytest.raises(NonFiniteError):
         singularity_distance(leg, home, [math.inf, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("other", [None, "omnileg", 5, object()])
+def test_what_is_no_leg_is_refused(other):
+    with pytest.raises(ShapeError, match="no leg"):
+        singularity(other, [0.0, 0.0, 0.0])
+    with pytest.raises(ShapeError, match="no leg"):
+        singularity_distance(other, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("length", [["1"], {"m": 1}, b"1", "1", object()])
+def test_a_length_that_is_no_number_is_refused(length):
+    with pytest.raises(ShapeError, match="characteristic_length"):
+        singularity(ld.load("omnileg"), [0.1, 0.2, 0.3], characteristic_length=length)

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 import leg_dynamics as ld
-from leg_dynamics.errors import AssemblyError, ParameterError, ShapeError
+from leg_dynamics.errors import AssemblyError, ParameterError, ShapeError, SingularityError
 
 from ..five_bar import TOGGLE, five_bar
+from ..four_bar import COUPLER, ROCKER, four_bar
+from ..four_bar import TOGGLE as TOGGLE_CRANK
 
 ROUTES = ("pinocchio", "symbolic")
 
@@ -52,6 +54,43 @@ def test_a_stretched_arm_is_serial():
     # A planar leg moves in a plane: two of three directions are what it has.
     assert "serial" in found.kinds
     assert "parallel" not in found.kinds
+
+
+@pytest.mark.parametrize("route", ROUTES)
+@pytest.mark.parametrize("before", [1e-3, 1e-5, 3e-7, 1e-7, 1e-8, 1e-10, 0.0])
+def test_a_pose_that_the_methods_refuse_is_not_called_regular(route, before):
+    leg, q = ld.load(four_bar(), route=route), [TOGGLE_CRANK - before]
+    try:
+        leg.mass_matrix(q)
+        refused = None
+    except (AssemblyError, SingularityError) as error:
+        refused = error.kind
+    assert (refused is None) == (before > 1e-6)
+    found = ld.singularity(leg, q)
+    assert found.kinds == (() if refused is None else ("parallel",))
+    if refused is not None:
+        direction = found.directions["parallel"]
+        assert direction["c"] / direction["b"] == pytest.approx(-COUPLER / ROCKER, abs=1e-2)
+        assert found.constraint > 0.1
+
+
+@pytest.mark.parametrize("route", ROUTES)
+def test_coordinates_that_do_not_determine_the_others(route):
+    """The rocker's angle at its dead centre, where crank and coupler are in line, of a four-bar driven at the crank."""
+    text = four_bar()
+    for name, now, then in (("a", "true", "false"), ("c", "false", "true")):
+        start = f'name="{name}" type="revolute" independent='
+        text = text.replace(f'{start}"{now}"', f'{start}"{then}"')
+    leg = ld.load(text, route=route)
+    # Crank and coupler stretched: 1.1 from the origin to the pin, 0.7 from there to (1, 0).
+    pin = math.acos((1.0 + 1.1**2 - 0.7**2) / 2.2)
+    rocker = math.atan2(1.1 * math.sin(pin), 1.1 * math.cos(pin) - 1.0)
+    found = ld.singularity(leg, [rocker])
+    assert found.kinds == ("coordinates",)
+    assert "coordinates singularity: the independent coordinates leave open the motion" in str(found)
+    assert found.directions["coordinates"]["c"] == pytest.approx(0.0, abs=1e-9)
+    assert min(found.parallel, found.constraint) > 1e-2
+    json.dumps(found.to_dict(), allow_nan=False)
 
 
 @pytest.mark.parametrize("route", ROUTES)

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import pickle
+import re
 import warnings
 
 import numpy as np
 import pytest
 
+import leg_dynamics as ld
 from leg_dynamics.description import link_transforms, mjcf_reader, read
 from leg_dynamics.description.lowering import single_coordinate
 from leg_dynamics.description.mjcf_reader import is_mjcf, mjcf_text
@@ -159,9 +161,16 @@ def test_mujoco_does_not_see_an_unsafe_text(monkeypatch):
 
 def test_lines_are_the_files_own_or_none():
     bodies = '\n<body name="b"><joint/><inertial pos="0 0 0" mass="1" diaginertia="1e308 1e308 1e308"/></body>'
-    with pytest.raises(DescriptionError, match="of the model as URDF") as caught:
+    with pytest.raises(DescriptionError, match=r"<string>:2: diaginertia of <inertial> is 1e\+308, too large"):
         read(model(bodies))
+    far = '<keyframe><key name="k" qpos="1e10 0"/></keyframe>'
+    with pytest.raises(DescriptionError, match=r"too large to compute with.*of the model as URDF") as caught:
+        read(model(PAIR, far))
     assert caught.value.line is None
+    for lost in ('\n<include file="no.xml"/>', '<asset>\n<mesh name="m" file="file:///no.stl"/></asset>'):
+        with pytest.raises(DescriptionError, match="MuJoCo refuses the model") as caught:
+            read(model(PAIR, lost))
+        assert caught.value.line == 2
     assert all(each.line is None for each in (*read(model(PAIR)).links, *read(model(PAIR)).joints))
     gear = '<equality>\n<joint name="g" joint1="ja" joint2="jb" polycoef="0 1 2 0 0"/></equality>'
     with pytest.raises(UnsupportedError, match=r"<string>:2: .*not linear"):
@@ -233,7 +242,7 @@ def hinge(joint="", inertial=GEOM, attributes=""):
         (model(hinge(inertial='<inertial mass="inf" pos="0 0 0" diaginertia="1 1 1"/>')), "mass of body 'a'"),
         (model(hinge(), '<actuator><motor name="m" joint="h" gear="inf"/></actuator>'), "gear of actuator 'm'"),
         (model(hinge(), '<keyframe><key name="k" qpos="inf"/></keyframe>'), "qpos of keyframe 'k'"),
-        (model(hinge('damping="-1"')), "negative damping.*of the model as URDF"),
+        (model(hinge('damping="-1"')), "negative damping -1 of <joint>"),
         (model(hinge(attributes='pos="1e308 0 0"')), "1e.308"),
     ],
 )
@@ -426,8 +435,6 @@ def test_mocap_bodies_are_fixed_with_a_warning():
         ('<general joint="ja" gainprm="-4" gear="2" ctrlrange="-3 3"/>', 24.0),
         ('<general joint="ja" dyntype="integrator" gainprm="4" ctrlrange="-3 3"/>', np.inf),
         ('<motor jointinparent="ja" gear="5" forcerange="-2 2"/>', 10.0),
-        ('<motor joint="ja" forcerange="-2 2"/><velocity joint="ja" gear="3" forcerange="-1 1"/>', 5.0),
-        ('<motor joint="ja" forcerange="-2 2"/><velocity joint="ja"/>', np.inf),
     ],
 )
 def test_efforts_are_bounded_at_the_joint(actuators, effort):
@@ -454,10 +461,102 @@ def test_an_unlimited_slide_keeps_its_effort_without_a_warning():
     assert (limits.lower, limits.upper, limits.effort) == (-np.inf, np.inf, 7.0)
 
 
-def test_one_sided_forces_are_warned_about():
-    with pytest.warns(LegDynamicsWarning, match="force range of actuator 'm' is not symmetric"):
-        description = read(model(PAIR, '<actuator><motor name="m" joint="ja" forcerange="-1 4"/></actuator>'))
-    assert description.joint("ja").limits.effort == 4.0
+@pytest.mark.parametrize(
+    ("joint", "actuators", "effort", "shown"),
+    [
+        ("", '<motor name="m" joint="ja" forcerange="-1 4"/>', 1.0, "-1 to 4"),
+        ("", '<motor name="m" joint="ja" forcerange="-1 4" gear="-2"/>', 2.0, "-8 to 2"),
+        ("", '<motor name="m" joint="ja" forcerange="0 3"/>', 0.0, "0 to 3"),
+        ("", '<motor name="m" joint="ja" forcerange="1 3"/>', 0.0, "1 to 3"),
+        ('actuatorfrcrange="-4 5"', '<motor name="m" joint="ja"/>', 4.0, "-4 to 5"),
+        ('actuatorfrcrange="-7 7"', '<motor name="m" joint="ja" forcerange="-9 2"/>', 2.0, "-7 to 2"),
+    ],
+)
+def test_of_uneven_efforts_the_smaller_is_the_limit(joint, actuators, effort, shown):
+    bodies = f'<body name="a"><joint name="ja" {joint}/>{GEOM}</body>'
+    with pytest.warns(LegDynamicsWarning, match=f"not limited alike both ways .{re.escape(shown)} at joint 'ja'"):
+        description = read(model(bodies, f"<actuator>{actuators}</actuator>"))
+    assert description.joint("ja").limits.effort == effort
+
+
+@pytest.mark.filterwarnings("ignore::leg_dynamics.errors.LegDynamicsWarning")
+def test_nothing_is_feasible_that_the_file_forbids():
+    bodies = f'<body name="a"><joint name="ja" actuatorfrcrange="-4 5"/>{GEOM}</body>'
+    leg = ld.load(model(bodies, '<actuator><motor name="m" joint="ja"/></actuator>'))
+    still = [0.0]
+    assert leg.feasible(still, still, still, torque=[-3.9])
+    assert not leg.feasible(still, still, still, torque=[-4.5])
+
+
+@pytest.mark.parametrize(
+    ("actuators", "effort", "name"),
+    [
+        ('<motor name="m" joint="ja" forcerange="-3 3"/><motor name="n" joint="ja" gear="2" forcerange="-5 5"/>',
+         13.0, "m+n"),
+        ('<position name="p" joint="ja" forcerange="-3 3"/><velocity name="v" joint="ja" forcerange="-1 1"/>',
+         4.0, "p+v"),
+        ('<motor joint="ja" forcerange="-2 2"/><velocity joint="ja"/>', np.inf, "actuator_0+actuator_1"),
+        # An antagonistic pair of muscles.
+        ('<motor name="m" joint="ja" forcerange="0 3"/><motor name="n" joint="ja" gear="-1" forcerange="0 3"/>',
+         3.0, "m+n"),
+    ],
+)  # fmt: skip
+def test_several_actuators_of_one_joint_are_one_with_a_warning(actuators, effort, name):
+    parts = ", ".join(map(repr, name.split("+")))
+    with pytest.warns(LegDynamicsWarning) as caught:
+        description = read(model(PAIR, f"<actuator>{actuators}</actuator>"))
+    (said,) = (str(each.message) for each in caught)
+    assert f"actuators {parts} drive the same joint 'ja': taken as one, {name!r}" in said
+    (transmission,) = description.transmissions
+    assert (transmission.joint, transmission.actuator) == ("ja", name)
+    assert description.joint("ja").limits.effort == effort
+
+
+def test_an_actuator_with_the_name_of_two_others_keeps_it():
+    actuators = '<motor name="m+n" joint="jb"/><motor name="m" joint="ja"/><motor name="n" joint="ja"/>'
+    with pytest.warns(LegDynamicsWarning, match="taken as one, 'm.n_'"):
+        description = read(model(PAIR, f"<actuator>{actuators}</actuator>"))
+    assert [(each.joint, each.actuator) for each in description.transmissions] == [("jb", "m+n"), ("ja", "m+n_")]
+
+
+@pytest.mark.parametrize(
+    ("option", "left"),
+    [
+        ('<option actuatorgroupdisable="1"/>', ["m"]),
+        ('<option actuatorgroupdisable="0 1"/>', []),
+        ('<option><flag actuation="disable"/></option>', []),
+        ('<option actuatorgroupdisable="2"/>', ["m", "z"]),
+    ],
+)
+def test_actuators_that_the_file_switches_off_drive_nothing(option, left):
+    actuators = '<actuator><motor name="m" joint="ja"/><motor name="z" joint="jb" group="1"/></actuator>'
+    text = model(PAIR, actuators, option=option)
+    off = [name for name in ("m", "z") if name not in left]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        description = read(text)
+    said = [str(each.message) for each in caught]
+    assert [each.actuator for each in description.transmissions] == left
+    assert description.driven == ("independent" if left else "none")
+    assert any("switches them off" in each and all(f"actuator {name!r}" in each for name in off) for each in said) == (
+        bool(off)
+    )
+
+
+def test_the_rotor_of_an_actuator_that_is_switched_off_still_turns():
+    motor = '<actuator><motor name="m" joint="ja" gear="2" armature="0.5" damping="0.1"/></actuator>'
+    text = model(PAIR, motor, option='<option><flag actuation="disable"/></option>')
+    try:
+        oracle = Oracle(text)
+    except ValueError:
+        pytest.skip("this release of MuJoCo has no armature of actuators")
+    oracle.data.qvel[0], oracle.data.ctrl[0] = 2.0, 1.0
+    mujoco.mj_forward(oracle.model, oracle.data)
+    assert oracle.data.qfrc_actuator[0] == 0.0
+    with pytest.warns(LegDynamicsWarning, match="switches them off: actuator 'm'"):
+        joint = read(text).joint("ja")
+    assert joint.armature == pytest.approx(2.0, rel=1e-14)
+    assert joint.damping == pytest.approx(-oracle.data.qfrc_passive[0] / 2.0, rel=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -117,10 +117,10 @@ def test_an_unreadable_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     path = tmp_path / "mine.urdf"
     path.write_text(URDF.format("mine"))
 
-    def refuse(_: Path) -> bytes:
+    def refuse(_: Path, mode: str) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "read_bytes", refuse)
+    monkeypatch.setattr(Path, "open", refuse)
     with pytest.raises(DescriptionError, match=r"mine\.urdf: the file cannot be read: Permission denied"):
         read(path)
 
@@ -130,7 +130,8 @@ def test_an_unreadable_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     [
         (b"", "empty", None),
         (b'<robot name="x">\n<link name="\xe9"/></robot>', "not UTF-8: byte 0xe9 at offset 29", 2),
-        ('<robot name="x"/>'.encode("utf-16"), "not UTF-8", 1),
+        ('<robot name="x">\n</robot>'.encode("utf-16"), "no <link>", 1),
+        ('<robot name="x">\n</robot>'.encode("utf-16")[:-1], "not UTF-16", 2),
         (b'<robot name="x">\n', "truncated", 2),
         (b'<!DOCTYPE x [<!ENTITY y "z">]><robot name="&y;"/>', "DOCTYPE", 1),
     ],
@@ -142,6 +143,16 @@ def test_bad_files_are_named(tmp_path: Path, data: bytes, message: str, line: in
         read(path)
     assert (caught.value.file, caught.value.line) == (str(path), line)
     assert isinstance(caught.value, UnsafeXmlError) == (message == "DOCTYPE")
+
+
+def test_a_file_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "large.urdf"
+    text = URDF.format("large")
+    path.write_text(f"<!--\n{'-' * 16_000_000}-->{text}")
+    with pytest.raises(DescriptionError, match=r"large\.urdf:2: the file has 160\d+ bytes, the most is 16000000"):
+        read(path)
+    with pytest.raises(DescriptionError, match=r"the text has 160\d+ bytes, the most is 16000000"):
+        read(f"{text[: -len('</robot>') - 1]}{' ' * 16_000_000}</robot>")
 
 
 def test_only_xacro_has_parameters(tmp_path: Path) -> None:

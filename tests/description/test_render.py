@@ -178,20 +178,24 @@ def test_missing_parameter_file(rod: Path) -> None:
 
 # body, a piece of the message, the line where it is known
 FAILURES = {
-    "undefined name": ('<link name="${nothing}"/>', "name 'nothing' is not defined", None),
-    "undefined argument": ('<link name="$(arg nothing)"/>', "nothing", None),
-    "unknown macro": ("<xacro:nothing/>", "unknown macro name: xacro:nothing", None),
+    "undefined name": ('<link name="${nothing}"/>', "name 'nothing' is not defined", 3),
+    "undefined argument": ('\n<link name="$( arg nothing )"/>', "nothing", 4),
+    "unknown macro": ("<link name='nothing'/>\n\n<xacro:nothing/>", "unknown macro name: xacro:nothing", 5),
     "missing macro parameter": (
         '<xacro:macro name="m" params="a"><link name="${a}"/></xacro:macro><xacro:m/>',
         r"Undefined parameters \[a\] \(in macro m\)",
-        None,
+        3,
     ),
-    "missing include": ('<xacro:include filename="nothing.xacro"/>', "nothing.xacro", None),
-    "syntax": ('<link name="${1 +}"/>', "1 +", None),
-    "division": ('<link name="${1/0}"/>', "division by zero", None),
+    "missing include": ('\n<xacro:include\n  filename="nothing.xacro"/>', "nothing.xacro", 5),
+    "syntax": ('<link name="a"/>\n<link name="${1  +}"/>', "1 +", 4),
+    "division": ('\n<link name="${1/0}"/>', "division by zero", 4),
+    "nested": ('<xacro:property name="p" value="${1/0}"/>\n<link name="${p}"/>', "division by zero", 3),
+    "comparison": ('\n<link name="${nothing &lt; 1}"/>', "nothing < 1", 4),
+    "in two places": ('<link name="${nothing}"/>\n<link name="${nothing}"/>', "'nothing'", None),
+    "environment": ('\n<link name="$(env LEG_DYNAMICS_NOTHING)"/>', "LEG_DYNAMICS_NOTHING", 4),
     "endless": ('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>', "call themselves without end", None),
-    "condition": ('<xacro:if value="maybe"><link name="a"/></xacro:if>', "not a boolean", None),
-    "fatal": ("${xacro.fatal('told to stop')}", "told to stop", None),
+    "condition": ('<xacro:if value="maybe"><link name="a"/></xacro:if>', "not a boolean", 3),
+    "fatal": ("${xacro.fatal('told to stop')}", "told to stop", 3),
     "missing attribute": ("<xacro:property/>", "name", None),
     "malformed": ("<link>\n</lnk>", "mismatched tag", 4),
 }
@@ -215,7 +219,7 @@ def test_a_failure_in_an_included_file_names_that_file(rod: Path) -> None:
     part.write_text(PART.replace("</robot>", '<link name="${nothing}"/></robot>'))
     with pytest.raises(RenderError, match=r"nothing.*\(included from .*rod.urdf.xacro\)") as caught:
         render(rod)
-    assert caught.value.file == str(part)
+    assert (caught.value.file, caught.value.line) == (str(part), part.read_text().count("\n", 0, -9) + 1)
     part.write_text(PART.replace("</robot>", "</robt>"))
     with pytest.raises(RenderError, match="mismatched tag") as caught:
         render(rod)

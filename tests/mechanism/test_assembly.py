@@ -188,8 +188,8 @@ def test_without_a_configuration_the_nearest_pose_is_chosen_the_same_way_each_ti
 @pytest.mark.parametrize(
     ("hinge", "loop", "what"),
     [
-        (1.5708, 1.5708, r"one of the rows counts by [\d.e-]+ of the largest only"),
-        (1.5708, 1.571, r"close nearly, .* the smallest residual found is 0.0002, in pin; "),
+        (1.57, 1.57, "one of the rows counts by"),
+        (1.5708, 1.57, "smallest residual found is [0-9.]+, in pin; "),
         (math.pi / 2, math.pi / 2, None),
     ],
 )
@@ -205,9 +205,9 @@ def test_rounded_angles_are_named_as_the_reason(hinge, loop, what):
     if what is None:
         assert mechanism.seeds[0].residual < 1e-12
         return
-    with pytest.raises((AssemblyError, DescriptionError), match=f"{what}.*rounded.*spherical"):
+    with pytest.raises((AssemblyError, DescriptionError), match=f"{what}.*rounded.*fewer rows"):
         _ = mechanism.seeds
-    with pytest.raises((AssemblyError, DescriptionError), match=r"rounded.*spherical"):
+    with pytest.raises((AssemblyError, DescriptionError), match=r"rounded.*fewer rows"):
         ld.load(text).home  # noqa: B018
 
 

@@ -140,5 +140,5 @@ def test_a_trajectory_around_a_cusp_is_refused(way):
     leg = ld.load(text(way[0]), route="pinocchio", foot="platform")
     y = np.array([struts(pose) for pose in way])
     motion = Trajectory(np.linspace(0.0, 1.0, len(y)), y, np.zeros_like(y), np.zeros_like(y))
-    with pytest.raises(LegDynamicsError, match="assembly mode was followed to|another assembly mode"):
+    with pytest.raises(LegDynamicsError, match=r"assembly mode was followed to|another assembly mode"):
         torque_along(leg, motion)

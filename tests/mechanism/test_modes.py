@@ -125,6 +125,21 @@ def test_modes_that_do_not_exist(mode, error, text):
         ld.load(five_bar(), mode=mode)
 
 
+@pytest.mark.parametrize(("mode", "searches"), [("mirrored", 1), ("mode_9", 1), ("mode_00000", 3)])
+def test_only_what_has_the_form_of_a_name_is_searched_for_long(monkeypatch, mode, searches):
+    tried = []
+
+    def counted(mechanism, *, attempts):
+        tried.append(attempts)
+        return find_modes(mechanism, attempts=10)
+
+    monkeypatch.setattr("leg_dynamics.mechanism.modes.find_modes", counted)
+    with pytest.raises(ParameterError, match=f"no assembly mode '{mode}': those found .* are mode_"):
+        ld.load(five_bar(), mode=mode)
+    assert len(tried) == searches
+    assert tried == sorted(tried)
+
+
 def test_formulas_know_one_mode():
     with pytest.raises(RouteError, match="know one assembly mode"):
         ld.load("omnileg", route="closed_form", mode="home")

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import re
 from xml.etree import ElementTree
 
 import numpy as np
@@ -135,15 +136,15 @@ def test_joints_of_several_coordinates_are_refused(lab, kind):
         Tree.from_description(parse(text.xml))
 
 
-def test_a_tree_that_pinocchio_reads_differently_is_refused(lab):
-    import dataclasses
-
+def test_a_tree_that_pinocchio_reads_differently_is_refused(lab, monkeypatch):
     description = parse(lab.open_chain().xml)
-    other = dataclasses.replace(description, urdf=lab.FourBar().text().xml)
+    other = tree_urdf(parse(lab.FourBar().text().xml))
+    monkeypatch.setattr(tree_module, "tree_urdf", lambda _: other)
     with pytest.raises(DescriptionError, match="other joints"):
-        Tree.from_description(other)
+        Tree.from_description(description)
+    monkeypatch.setattr(tree_module, "tree_urdf", lambda _: "<robot")
     with pytest.raises(DescriptionError, match="pinocchio cannot read"):
-        Tree.from_description(dataclasses.replace(description, urdf="<robot"))
+        Tree.from_description(description)
 
 
 LENIENT = """<robot name="lenient" version="1.1">
@@ -194,6 +195,25 @@ def test_a_mass_that_pinocchio_cannot_add_up_is_refused():
         Tree.from_description(parse(LENIENT.replace('mass value="1"', 'mass value="1e-17"')))
 
 
+def test_what_this_route_cannot_compute_is_said_with_file_and_line(lab):
+    with pytest.raises(UnsupportedError) as caught:
+        Tree.from_description(parse(LENIENT.replace('mass value="1"', 'mass value="1e-17"'), file="light.urdf"))
+    assert (caught.value.file, caught.value.line) == ("light.urdf", 6)
+    assert str(caught.value).startswith("light.urdf:6: joint 'turn' carries 1e-17 kg")
+    long = "".join(
+        f'<link name="l{n + 1}"/><joint name="j{n}" type="fixed"><parent link="l{n}"/><child link="l{n + 1}"/>'
+        "</joint>\n"
+        for n in range(1200)
+    )
+    with pytest.raises(UnsupportedError, match="1200 joints in a chain") as caught:
+        Tree.from_description(parse(f'<robot name="long"><link name="l0"/>\n{long}</robot>', file="long.urdf"))
+    assert (caught.value.file, caught.value.line) == ("long.urdf", 1002)
+    many = long.replace("fixed", "continuous")
+    with pytest.raises(UnsupportedError, match="1200 tree joints are too many") as caught:
+        Tree.from_description(parse(f'<robot name="many"><link name="l0"/>\n{many}</robot>', file="many.urdf"))
+    assert (caught.value.file, caught.value.line) == ("many.urdf", 408)
+
+
 def test_the_completed_text_is_the_same_tree(omnileg_description):
     completed = pin.buildModelFromXML(tree_urdf(omnileg_description))
     given = pin.buildModelFromXML(omnileg_description.urdf)
@@ -202,6 +222,36 @@ def test_the_completed_text_is_the_same_tree(omnileg_description):
         assert one == other
     for one, other in zip(completed.jointPlacements, given.jointPlacements, strict=True):
         assert one == other
+
+
+BLANKS = """<robot name="blanks">
+<link name="base"/>
+<link name="arm"><inertial><origin xyz="0.1 0.2 -0.3" rpy="0.3 -0.2 0.1"/><mass value="0.8"/>
+ <inertia ixx="0.003" ixy="0.0002" ixz="-0.0001" iyy="0.0031" iyz="0.0003" izz="0.0029"/></inertial></link>
+<link name="tip"><inertial><origin xyz="0 0 0.4"/><mass value="0.5"/>
+ <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.0015"/></inertial></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0.05 0.2" rpy="0 0.1 0"/>
+ <axis xyz="0 1 0"/><limit lower="-1" upper="2" effort="5" velocity="6"/></joint>
+<joint name="weld" type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="0.3 0 0" rpy="0 0 0.5"/></joint>
+</robot>"""
+
+
+@pytest.mark.parametrize("blank", [" ", "&#9;", "\t", "&#10;", "&#13;", "\n"])
+@pytest.mark.parametrize("where", ["before", "after", "between"])
+def test_white_space_in_a_number_changes_nothing(blank, where):
+    def spaced(found):
+        value = found[2]
+        value = {"before": blank + value, "after": value + blank, "between": value.replace(" ", f" {blank}")}[where]
+        return f'{found[1]}="{value}"'
+
+    numbers = r"\b(xyz|rpy|value|i[xyz][xyz]|lower|upper|effort|velocity)=\"([^\"]*)\""
+    expected, found = (Tree.from_description(parse(t)).model for t in (BLANKS, re.sub(numbers, spaced, BLANKS)))
+    # Of the file, by hand: the arm and the tip that is welded to it.
+    assert found.inertias[1].mass == pytest.approx(1.3, abs=1e-15)
+    assert found.inertias[1].inertia.trace() > 0.0145
+    assert list(found.inertias) == list(expected.inertias)
+    assert list(found.jointPlacements) == list(expected.jointPlacements)
+    np.testing.assert_array_equal(found.upperPositionLimit, expected.upperPositionLimit)
 
 
 def test_working_memory_is_refused_where_it_would_not_fit(lab, monkeypatch):

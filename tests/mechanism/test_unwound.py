@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import pytest
 
 import leg_dynamics as ld
+
+from ..four_bar import HOME, four_bar, passive
 
 
 def test_angles_do_not_depend_on_the_row_before():
@@ -24,3 +29,20 @@ def test_angles_do_not_depend_on_the_row_before():
     np.testing.assert_allclose(
         backend.mechanism.unwound(wound), [together[n][0] for n in backend.tree_joint_names], atol=1e-9
     )
+
+
+@pytest.mark.parametrize("limits", [(-50.0, 50.0), (-2.5, 3.0)])
+@pytest.mark.parametrize("route", ["pinocchio", "symbolic"])
+def test_every_route_gives_the_same_turn(route, limits):
+    """By trigonometry: within half a turn of home, or the turn that the limits leave."""
+    leg = ld.load(four_bar(limits), route=route)
+    crank = np.linspace(1.2, -1.2, 25)
+    expected = passive(crank)[0]
+    if limits[0] < -2.5:
+        home = float(passive(HOME)[0])
+        expected = home + np.remainder(expected - home + math.pi, 2.0 * math.pi) - math.pi
+    # Both turns occur, and the two rules differ.
+    assert expected.min() < (-3.0 if limits[0] < -2.5 else 0.0)
+    assert expected.max() > 1.9
+    np.testing.assert_allclose(leg.assemble(crank[:, None])["b"], expected, atol=1e-9)
+    np.testing.assert_allclose([leg.assemble([a])["b"] for a in crank[::-3]], expected[::-3], atol=1e-9)

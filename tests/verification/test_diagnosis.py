@@ -86,6 +86,29 @@ def test_a_column_with_an_entry_that_is_always_zero_is_whole():
     assert said(own, reference) == "every entry of column b is the negative of the reference: a sign error"
 
 
+@pytest.mark.parametrize(
+    ("entries", "text"),
+    [
+        ([(0, 0)], "J[x, a] is off by the constant 0.02"),
+        ([(0, 0), (1, 1), (2, 2)], "J[x, a], J[y, b], J[z, c] are off by the constant 0.02"),
+        ([(0, 0), (1, 0), (2, 0)], "every entry of column a is off by the constant 0.02"),
+    ],
+)
+def test_an_offset_is_not_said_of_entries_that_are_always_zero(entries, text):
+    # Zero is no multiple less for a sign error, but it is off by no constant.
+    diagonal = numbers(3, 3) * np.eye(3)
+    own = diagonal.copy()
+    for row, column in entries:
+        own[:, row, column] += 0.02
+    assert said(own, diagonal) == text
+    assert said(changed(diagonal, (0, 0), -diagonal[:, 0, 0]), diagonal) == (
+        "every entry of column a is the negative of the reference: a sign error"
+    )
+    bent = changed(diagonal, (0, 0), diagonal[:, 0, 0] + numbers(seed=5))
+    bent[:, 1, 1] *= 2.0
+    assert said(bent, diagonal) == "J[x, a]: no simple relation; every entry of column b is twice the reference"
+
+
 def test_different_errors_in_different_entries():
     reference = numbers(3)
     own = reference * [-1.0, 1.0, 2.0]

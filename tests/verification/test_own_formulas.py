@@ -1059,3 +1059,218 @@ def test_a_seed_of_no_use(leg, seed):
             ld.crosscheck(*arguments, samples=5, seed=seed)
         assert caught.value.parameter == "seed"
     assert ld.crosscheck(MyLeg(), leg, samples=5, seed=np.int64(3)).passed
+
+
+# ---------------------------------------------------------------------- methods that give nothing of use
+
+
+def following(report):
+    return {check.quantity: check.follows_from for check in report.checks if not check.passed and check.follows_from}
+
+
+OF_MASS = {"kinetic energy", "torque", "generalized force", "acceleration"}
+OF_JACOBIAN = {"foot velocity", "foot acceleration"}
+WITH_FORCE = {"torque with foot force", "generalized force with foot force"}
+
+
+@pytest.mark.parametrize(
+    ("method", "function", "followers"),
+    [
+        ("mass_matrix", lambda self, q: np.full((2, 2), np.nan), OF_MASS | WITH_FORCE),
+        ("mass_matrix", lambda self, q: None, OF_MASS | WITH_FORCE),
+        ("mass_matrix", lambda self, q: np.eye(3), OF_MASS | WITH_FORCE),
+        # As a vector it goes on with numbers, which are wrong.
+        ("mass_matrix", lambda self, q: np.array([0.03, 0.005]), OF_MASS | WITH_FORCE),
+        ("mass_matrix", lambda self: np.eye(2), OF_MASS | WITH_FORCE),
+        ("mass_matrix", 5, OF_MASS | WITH_FORCE),
+        ("jacobian", lambda self, q: np.full((3, 2), np.nan), OF_JACOBIAN | WITH_FORCE),
+        ("jacobian", lambda self, q: np.array(MyLeg().jacobian(q))[:2], OF_JACOBIAN | WITH_FORCE),
+        ("jacobian", lambda self, q, v: MyLeg().jacobian(q), OF_JACOBIAN | WITH_FORCE),
+        ("jacobian", 5, OF_JACOBIAN | WITH_FORCE),
+        ("gravity_torque", lambda self, q: [math.nan] * 2, {"bias force", "torque", "acceleration"} | WITH_FORCE),
+    ],
+)
+def test_what_calls_a_method_of_no_use_follows_from_it(leg, method, function, followers):
+    report = held(type("Own", (Whole,), {method: function})(), leg)
+    found = cause(report, method)
+    assert math.isnan(found.worst)
+    assert found.share == 1.0
+    follows = following(report)
+    if method == "gravity_torque":
+        followers = followers | {"generalized force"}
+    assert followers <= set(follows)
+    assert set(follows.values()) == {method}
+    assert method not in report.not_given
+    json.loads(report.to_json())
+    Console(file=io.StringIO()).print(report)
+
+
+def test_what_is_no_method_is_a_note_where_none_calls_it(leg):
+    class Rated(MyLeg):
+        kinetic_energy = 12.0
+
+    report = held(Rated(), leg)
+    report.raise_if_failed()
+    assert report.notes == ("kinetic_energy is no method but float, and was left out",)
+    report = held(type("Own", (Whole,), {"jacobian": 5})(), leg)
+    assert report.causes[0].detail == "is no method but int, and foot_velocity calls it"
+    assert report.notes == ()
+
+
+def test_numbers_that_are_missing_somewhere_follow_where_they_are_missing_further_up(leg):
+    class Partly(Whole):
+        def mass_matrix(self, q):
+            M = np.array(super().mass_matrix(q))
+            return M * np.nan if q[0] > 0.5 else M
+
+    report = held(Partly(), leg, samples=100)
+    assert "all those where theta1 > 0." in cause(report, "mass_matrix").detail
+    assert set(following(report).values()) == {"mass_matrix"}
+
+    class Beside(Partly):
+        def torque(self, q, v, a, foot_force=None):
+            tau = super().torque(q, v, a, foot_force)
+            return -tau if q[0] < 0.2 else tau
+
+    assert {check.method for check in held(Beside(), leg, samples=100).causes} == {"mass_matrix", "torque"}
+
+
+def test_a_useless_method_that_is_not_called_excuses_nothing(leg):
+    class Apart(Whole):
+        def mass_matrix(self, q):
+            return np.full((2, 2), np.nan)
+
+        def kinetic_energy(self, q, v):
+            return math.nan
+
+        def bias(self, q, v):
+            return np.add(MyLeg().bias(q, v), 0.1)
+
+    methods = [check.method for check in held(Apart(), leg).causes]
+    assert methods == ["mass_matrix", "kinetic_energy", "bias"]
+
+
+def test_a_wrong_assembly_that_others_call(leg):
+    class Lost(Whole):
+        def assemble(self, q):
+            return super().assemble(q) | {"knee": math.nan}
+
+        def foot_position(self, q):
+            knee = self.assemble(q)["knee"]
+            return [self.l1 * math.sin(q[0]) + self.l2 * math.sin(q[0] + knee), 0.0, 0.0]
+
+    report = held(Lost(), leg)
+    cause(report, "assemble")
+    assert following(report)["foot position"] == "assemble"
+
+
+def test_one_method_without_numbers_is_one_cause_with_and_without_loads(leg):
+    own = SimpleNamespace(torque=lambda q, v, a, foot_force=None: [math.nan, 0.0])
+    report = held(own, leg, samples=10)
+    assert cause(report, "torque").quantity == "torque"
+    assert "is as useless as torque" in report.checks[1].findings
+
+
+def test_the_same_statement_with_and_without_loads_is_one_cause(leg):
+    def torque(q, v, a, foot_force=None):
+        return MyLeg().torque(q, v, a, foot_force)[::-1]
+
+    report = held(SimpleNamespace(torque=torque), leg)
+    found = cause(report, "torque")
+    assert "the entries thigh_motor, crank_motor are exchanged" in found.findings
+    assert "is wrong in the same way as torque" in report.checks[1].findings
+
+    class NoInertia(Whole):
+        def torque(self, q, v, a, foot_force=None):
+            return super().torque(q, v, np.zeros(2), foot_force)
+
+    assert cause(held(NoInertia(), leg), "torque").quantity == "torque"
+
+
+# ---------------------------------------------------------------------- names that are exchanged
+
+
+def test_exchanged_names_are_one_cause(leg):
+    class Swapped(Whole):
+        joint_names = ("theta2", "theta1")
+
+    report = held(Swapped(), leg)
+    found = cause(report, "assemble")
+    said = "joint_names = (theta1, theta2) says so"
+    exchanged = (
+        f"agrees, as does all that is said to follow from it, when the coordinates theta1, theta2 are exchanged: {said}"
+    )
+    assert exchanged in found.findings
+    follows = [check for check in report.checks if check.follows_from]
+    assert {check.method for check in follows} == set(METHODS) - {"assemble"}
+    assert {check.follows_from for check in follows} == {"assemble"}
+    assert all(check.diagnosis == (f"agrees where {said}",) for check in follows)
+
+    class Alone(Swapped):
+        assemble = None
+
+    found = cause(held(Alone(), leg), "foot_position")
+    assert sum("joint_names" in text for text in found.findings) == 1
+    only_mass = SimpleNamespace(mass_matrix=MyLeg().mass_matrix, joint_names=("theta2", "theta1"))
+    assert (
+        f"agrees when the coordinates theta1, theta2 are exchanged: {said}"
+        in cause(held(only_mass, leg), "mass_matrix").findings
+    )
+
+
+def test_exchanged_names_of_three_joints():
+    reference = ld.load("omnileg")
+    own = Permuted(reference, (1, 2, 0))
+    own.joint_names = [reference.joint_names[i] for i in (2, 0, 1)]
+    report = held(own, reference, 12)
+    found = cause(report, "foot_position")
+    right = ", ".join(reference.joint_names[i] for i in (1, 2, 0))
+    assert f"are in another order: joint_names = ({right}) says so" in str(found.findings)
+    assert len(following(report)) == len(report.checks) - 1
+
+
+def test_another_error_beside_exchanged_names(leg):
+    class Both(Whole):
+        joint_names = ("theta2", "theta1")
+
+    report = held(Both("jacobian"), leg)
+    assert [check.method for check in report.causes] == ["assemble", "jacobian"]
+    text = "d foot z / d theta2 is the negative of the reference: a sign error"
+    assert text in report.causes[1].findings
+    follows = following(report)
+    assert follows["foot acceleration"] == "jacobian"
+    assert follows["mass matrix"] == "assemble"
+
+
+def test_one_method_with_exchanged_coordinates_beside_right_ones_has_no_names_exchanged(leg):
+    class One(MyLeg):
+        def foot_position(self, q):
+            return super().foot_position(q[::-1])
+
+    found = cause(held(One(), leg), "foot_position")
+    assert "agrees when the coordinates theta1, theta2 are exchanged" in found.findings
+    assert "joint_names" not in str(found.findings)
+
+
+# ---------------------------------------------------------------------- what assemble is compared in
+
+
+def test_joints_that_assemble_does_not_give_are_named(leg):
+    some = held(SimpleNamespace(assemble=lambda q: {"knee": q[1] - q[0]}), leg)
+    (check,) = some.checks
+    assert check.passed
+    assert check.quantity == "joint angles that close the loops: knee"
+    said = "compared: knee; not given: theta1, theta2, crank_pin"
+    assert check.detail == said
+    assert some.notes == (f"assemble: {said}",)
+    stream = io.StringIO()
+    Console(file=stream, width=200).print(some)
+    assert said in stream.getvalue()
+    independent = held(SimpleNamespace(assemble=lambda q: {"theta1": q[0], "theta2": q[1]}), leg)
+    (check,) = independent.checks
+    assert check.quantity == "independent coordinates alone: theta1, theta2"
+    (note,) = independent.notes
+    assert note.endswith("not given: knee, crank_pin, so that nothing shows how the loops close")
+    whole = held(SimpleNamespace(assemble=MyLeg().assemble), leg)
+    assert whole.checks[0].quantity == "joint angles that close the loops"
+    assert (whole.checks[0].detail, whole.notes) == ("", ())

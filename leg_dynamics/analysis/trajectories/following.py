@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from leg_dynamics.actuation import Feasibility
+from leg_dynamics.description.turns import TURN, WholeTurns
 from leg_dynamics.errors import AssemblyError, RowError
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ __all__ = ["TorqueAlong", "assemble_along", "limit_flags", "located", "torque_al
 
 # Routes close the loops to rounding; two poses of one mode differ by less, whole turns aside.
 _SAME_POSE = 1e-6
+# A pose that is off the straight way by a larger share of it was met elsewhere.
+_SAME_WAY = 1e-6
 
 
 @dataclass(frozen=True)
@@ -67,10 +70,15 @@ def limit_flags(feasibility: Feasibility, time: NDArray[np.float64]) -> list[dic
 def assemble_along(leg: Leg, motion: Trajectory) -> Mapping[str, NDArray[np.float64]]:
     """Tree coordinates along a trajectory, each continued from the sample before in the same assembly mode.
 
+    Passive angles are continuous: they start in the turn that `Leg.assemble` gives and go on from there, so that
+    whole turns add up.
+
     Parameters
     ----------
     leg : Leg
     motion : Trajectory
+        Its rates and accelerations tell whether it touches a singular pose between two samples. Where they do not fit
+        the coordinates, as in a list of poses at rest, it is checked at its samples only.
 
     Returns
     -------
@@ -81,8 +89,10 @@ def assemble_along(leg: Leg, motion: Trajectory) -> Mapping[str, NDArray[np.floa
     ------
     AssemblyError, SingularityError
         The mode ends or is singular on the way, or the leg's own assembly of a sample is another mode than the one that
-        leads to it. With `time`, s, and where the route knows them `pose` (coordinates by name), `kind` (``parallel``,
-        ``constraint``, ``coordinates``) and `direction` (rates of the free motion by joint); `margin` as elsewhere.
+        leads to it. See `located` for what it carries; where it is known, also `kind` (``parallel``, ``constraint``,
+        ``coordinates``) and `direction` (rates of the free motion by joint); `margin` as elsewhere. Of two modes that
+        differ, `difference` says by how much in which joints, and `nearest` which pose on the way is the nearest to a
+        singular one (``time``, ``pose``, ``kind``, ``direction``, ``margin``).
     """
     route: Any = leg.backend
     if hasattr(route, "forget"):
@@ -96,26 +106,46 @@ def assemble_along(leg: Leg, motion: Trajectory) -> Mapping[str, NDArray[np.floa
     continued = _continued(leg, motion)
     if continued is not None:
         _compare(leg, motion, assembled, continued)
-    return MappingProxyType(assembled)
+    return MappingProxyType(_continuous(leg, assembled, continued))
+
+
+def _continuing(leg: Leg) -> Any:
+    """The route that continues a pose, or the leg's own."""
+    route: Any = leg.backend
+    return getattr(route, "fallback", None) or route
 
 
 def _continued(leg: Leg, motion: Trajectory) -> Mapping[str, np.ndarray] | None:
     """Tree coordinates by continuation; None where the route's formulas know one mode only."""
-    route: Any = leg.backend
-    route = getattr(route, "fallback", None) or route
+    route = _continuing(leg)
     if not hasattr(route, "follow"):
         return None
     try:
         found = route.follow(motion.q)
+        route.check_between(found, motion.time, motion.q, motion.v, motion.a)
     except RowError as error:
         raise located(error, leg, motion) from error
     return dict(zip(route.tree_joint_names, found.T, strict=True))
 
 
+def _continuous(
+    leg: Leg, assembled: Mapping[str, NDArray[np.float64]], continued: Mapping[str, np.ndarray] | None
+) -> dict[str, NDArray[np.float64]]:
+    """The same poses with passive angles as they were continued, or without jumps of more than half a turn."""
+    names = list(assembled)
+    unknown = np.full(len(names), np.nan)
+    free = {names[place] for place in WholeTurns(leg.description, names, leg.joint_names, unknown).places}
+    result = dict(assembled)
+    for name in free:
+        own = assembled[name]
+        way = np.unwrap(own) if continued is None else continued[name] - continued[name][0] + own[0]
+        result[name] = own + TURN * np.round((way - own) / TURN)
+    return result
+
+
 def _compare(leg: Leg, motion: Trajectory, assembled: Mapping[str, Any], continued: Mapping[str, Any]) -> None:
     """Refuse a motion whose continuation is not what the leg makes of its samples, in a row or each alone."""
-    route: Any = leg.backend
-    route = getattr(route, "fallback", None) or route
+    route = _continuing(leg)
     alone = dict(zip(route.tree_joint_names, route.apart(motion.q).T, strict=True))
     # A sample that only the motion leads to is no contradiction.
     alone = {name: np.where(np.isnan(values), continued[name], values) for name, values in alone.items()}
@@ -125,23 +155,48 @@ def _compare(leg: Leg, motion: Trajectory, assembled: Mapping[str, Any], continu
 
 def _compare_with(leg: Leg, motion: Trajectory, assembled: Mapping[str, Any], continued: Mapping[str, Any]) -> None:
     turns = {joint.name: joint.unit == "rad" for joint in leg.description.joints}
+    differences = {}
     for name, values in continued.items():
-        difference = np.abs(assembled[name] - values)
-        if turns[name]:
-            difference = np.abs(difference - 2.0 * np.pi * np.round(difference / (2.0 * np.pi)))
-        wrong = np.flatnonzero(difference > _SAME_POSE)
-        if wrong.size:
-            row = int(wrong[0])
-            raise AssemblyError(
-                f"at t = {motion.time[row]:.6g} s the motion has arrived in another assembly mode than the leg's own: "
-                f"{name} is {values[row]:.6g}, and {assembled[name][row]:.6g} in the mode of the home pose "
-                f"({_pose(leg, motion, row)}): start from a configuration of the mode that you mean",
-                rows=wrong,
-                margin=_SAME_POSE - difference[wrong],
-                residual=np.nan,
-                time=float(motion.time[row]),
-                pose=dict(zip(leg.joint_names, motion.q[row].tolist(), strict=True)),
-            )
+        difference = assembled[name] - values
+        differences[name] = difference - TURN * np.round(difference / TURN) if turns[name] else difference
+    largest = np.max([np.abs(values) for values in differences.values()], axis=0)
+    wrong = np.flatnonzero(largest > _SAME_POSE)
+    if not wrong.size:
+        return
+    row = int(wrong[0])
+    at_row = {name: float(values[row]) for name, values in differences.items() if abs(values[row]) > _SAME_POSE}
+    name = max(at_row, key=lambda joint: abs(at_row[joint]))
+    by = ", ".join(f"{joint} {value:+.3g}" for joint, value in at_row.items())
+    way = np.stack(list(continued.values()), axis=1)[: row + 1]
+    nearest, sigma, kind, direction = _continuing(leg).nearest_singular(way)
+    raise AssemblyError(
+        f"at t = {motion.time[row]:.6g} s the motion has arrived in another assembly mode than the leg's own: "
+        f"{name} is {continued[name][row]:.6g}, and {assembled[name][row]:.6g} in the mode of the home pose "
+        f"({_pose(leg, motion, row)}); the two differ by {by}. The motion passes no singular pose on the way (the "
+        f"smallest singular value of its samples is {sigma:.3g}, at {motion.time[nearest]:.6g} s), so that it leads "
+        "around one: start from a configuration of the mode that you mean",
+        rows=wrong,
+        margin=_SAME_POSE - largest[wrong],
+        residual=np.nan,
+        time=float(motion.time[row]),
+        sample_time=float(motion.time[row]),
+        pose=_named(leg.joint_names, motion.q[row]),
+        tree_pose={joint: float(values[row]) for joint, values in continued.items()},
+        kind=None,
+        direction=None,
+        difference=at_row,
+        nearest={
+            "time": float(motion.time[nearest]),
+            "pose": _named(leg.joint_names, motion.q[nearest]),
+            "kind": kind,
+            "direction": direction,
+            "margin": sigma,
+        },
+    )
+
+
+def _named(names: Sequence[str], values: Any) -> dict[str, float]:
+    return dict(zip(names, np.asarray(values).tolist(), strict=True))
 
 
 def _pose(leg: Leg, motion: Trajectory, row: int) -> str:
@@ -149,7 +204,11 @@ def _pose(leg: Leg, motion: Trajectory, row: int) -> str:
 
 
 def located(error: RowError, leg: Leg, motion: Trajectory, first: int = 0) -> RowError:
-    """The same error with the time of its first row, s, in the text and as `time`.
+    """The same error with the place of its first row on the trajectory, in the text and as attributes.
+
+    `time`, s, is that of `pose` (independent coordinates by name): where the pose lies between the sample before and
+    the failing one, it is interpolated between their times, else it is that of the sample. `sample_time` is the failing
+    sample's. `tree_pose` are all joints' coordinates at the pose, where they are known.
 
     Parameters
     ----------
@@ -162,10 +221,31 @@ def located(error: RowError, leg: Leg, motion: Trajectory, first: int = 0) -> Ro
     """
     row = first + int(error.all_rows.min())
     evidence = {name: value for name, value in error.evidence.items() if name not in ("rows", "all_rows")}
-    evidence["time"] = float(motion.time[row])
-    evidence.setdefault("pose", dict(zip(leg.joint_names, motion.q[row].tolist(), strict=True)))
-    message = f"at t = {motion.time[row]:.6g} s of {motion.name}: {error.message}"
+    evidence.setdefault("pose", _named(leg.joint_names, motion.q[row]))
+    sample_time = float(motion.time[row])
+    time = evidence.setdefault("time", _time_of(leg, motion, row, evidence["pose"]))
+    evidence["sample_time"] = sample_time
+    if "tree_coordinates" in evidence:
+        evidence["tree_pose"] = _named(_continuing(leg).tree_joint_names, evidence["tree_coordinates"])
+    when, sampled = f"t = {time:.6g} s", f"{sample_time:.6g} s"
+    before = "" if when.endswith(f" {sampled}") else f", before the sample at {sampled}"
+    message = f"at {when} of {motion.name}{before}: {error.message}"
     return type(error)(message, rows=first + error.rows, all_rows=first + error.all_rows, **evidence)
+
+
+def _time_of(leg: Leg, motion: Trajectory, row: int, pose: Mapping[str, float]) -> float:
+    """When a pose on the straight way from the sample before to `row` is passed; the sample's time where it is not."""
+    time = float(motion.time[row])
+    if row == 0:
+        return time
+    start, way = motion.q[row - 1], motion.q[row] - motion.q[row - 1]
+    at = np.array([pose[name] for name in leg.joint_names]) - start
+    length = float(way @ way)
+    share = float(at @ way) / length if length > 0.0 else 1.0
+    off = np.abs(at - share * way).max()
+    if not (0.0 <= share < 1.0 and off <= _SAME_WAY * np.abs(way).max()):
+        return time
+    return float(motion.time[row - 1] + share * (motion.time[row] - motion.time[row - 1]))
 
 
 def torque_along(

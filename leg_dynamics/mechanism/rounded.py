@@ -1,0 +1,126 @@
+"""Loops that close but for the rounding of their file's numbers.
+
+Where loops say the same thing more than once, numbers with few digits make them contradict each other: a planar loop of
+hinges whose axes are 3.7e-6 rad from parallel (an angle of 1.5708) is a rigid frame to the letter. What was meant is
+found by leaving out the rows that count by no more than that, and poses are those of the smallest residual.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from leg_dynamics.mechanism.mechanism import Mechanism
+
+__all__ = ["GREATEST_GAP", "closing_gap", "doubtful_share", "open_loops", "settle"]
+
+# Residuals, rad or shares of the mechanism's length: above this they are no rounding.
+GREATEST_GAP = 3e-4
+# Singular values of the rows, relative to the largest, columns of unit length: below this they may be of rounding's
+# making, and below that they are zero.
+DOUBTFUL_SHARE = 3e-3
+ZERO_SHARE = 1e-9
+SHORTEST = 1e-3
+NEIGHBOURS = 6
+SPREAD = 0.2
+ATTEMPTS = 20
+ITERATIONS = 60
+LONGEST_STEP = 0.5
+SETTLED = 1e-11
+
+
+def _scaled(mechanism: Mechanism, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residual, rows with columns of unit length, and those lengths: short links alone do not make rows small.
+
+    Columns that are shorter still stay short: of a hinge that turns nothing but rounding.
+    """
+    rows = mechanism.evaluate(q)
+    K = rows.jacobian * mechanism.closure.coordinate_unit
+    length = np.linalg.norm(K, axis=0)
+    length = np.maximum(length, SHORTEST * max(1.0, float(length.max(initial=0.0))))
+    return rows.residual, K / length, length
+
+
+def doubtful_share(mechanism: Mechanism, q: np.ndarray) -> float:
+    """By how little a row counts at a pose, q (nv,), where rounding may be all that it counts by; else 0."""
+    sigma = np.linalg.svd(_scaled(mechanism, q)[1], compute_uv=False)
+    share = sigma / max(1.0, float(sigma.max(initial=0.0)))
+    return float(share[(share > ZERO_SHARE) & (share < DOUBTFUL_SHARE)].max(initial=0.0))
+
+
+def settle(mechanism: Mechanism, q: np.ndarray, share: float) -> tuple[np.ndarray, float] | None:
+    """The nearest pose of smallest residual.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q : (nv,) array
+        Tree coordinates to start from.
+    share : float
+        Rows that count by less than this do not move it.
+
+    Returns
+    -------
+    (nv,) array, float
+        The pose and its largest residual; None where the steps come to no end.
+    """
+    unit = mechanism.closure.coordinate_unit
+    for _ in range(ITERATIONS):
+        residual, K, length = _scaled(mechanism, q)
+        step = np.linalg.lstsq(K, -residual, rcond=share)[0] / length
+        largest = float(np.abs(step).max(initial=0.0))
+        if not largest < np.inf:
+            return None
+        if largest <= SETTLED:
+            return q, float(np.abs(residual).max(initial=0.0))
+        q = q + unit * step * min(1.0, LONGEST_STEP / largest)
+    return None
+
+
+def closing_gap(mechanism: Mechanism, start: np.ndarray, seed: int = 0) -> float:
+    """Largest residual that the loops keep at their best poses, rad or shares of `Closure.length`.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Only its rows are used, not what is independent.
+    start : (nv,) array
+        Tree coordinates near closed ones.
+    seed : int
+        Of the poses that are tried.
+
+    Returns
+    -------
+    float
+        0 where the loops close to the last digit, or not even nearly.
+    """
+    if not mechanism.closure.loops:
+        return 0.0
+    from leg_dynamics.mechanism.mobility import project
+
+    generator = np.random.default_rng(seed)
+    unit = mechanism.closure.coordinate_unit
+    guesses = [start, *(start + SPREAD * unit * generator.standard_normal(mechanism.nv) for _ in range(NEIGHBOURS))]
+    for guess in guesses:
+        closed = project(mechanism, guess, exactly=True)
+        if closed is not None and not doubtful_share(mechanism, closed):
+            return 0.0
+    lower, upper = mechanism.search_box()
+    guesses += [generator.uniform(lower, upper) for _ in range(ATTEMPTS)]
+    gaps = []
+    for guess in guesses:
+        settled = settle(mechanism, guess, DOUBTFUL_SHARE)
+        if settled is not None and settled[1] <= GREATEST_GAP:
+            gaps.append(settled[1])
+        if len(gaps) > NEIGHBOURS:
+            break
+    return max(gaps, default=0.0)
+
+
+def open_loops(mechanism: Mechanism, q: np.ndarray) -> tuple[str, ...]:
+    """Names of the loops and couplings that keep most of the residual at a pose, q (nv,)."""
+    residual = np.abs(mechanism.evaluate(q).residual)
+    owners = np.array(mechanism.closure.row_owner)
+    return tuple(dict.fromkeys(owners[residual > 0.1 * residual.max(initial=0.0)].tolist()))
