@@ -23,6 +23,8 @@ __all__ = ["Singular", "describe"]
 COMPARABLE = 10.0
 # Of the usual value: what has fallen below is rounding, however small the dependent columns' value is.
 VANISHED = 1e-7
+# A larger share of the usual value has not fallen: then the seed is near a singular pose itself and tells nothing.
+FALLEN = 0.5
 RANK_SHARE = 1e-6
 # Joints that take part in a motion by less than this share of the largest are not named.
 SHOWN = 0.05
@@ -65,12 +67,14 @@ def describe(mechanism: Mechanism, state: ClosedState) -> Singular:
     """
     seed = mechanism.seeds[0]
     free = np.setdiff1d(np.arange(mechanism.nv), mechanism.actuated)
-    least = _share(mechanism, seed, state, mechanism.dependent)
+    value, usual = _smallest(mechanism, seed, state, mechanism.dependent)
+    relative = value <= FALLEN * usual
+    least = value / usual if relative else value
     kind = "coordinates"
     # Near a singular pose of more columns theirs falls as fast as that of the dependent ones; of fewer, it stays.
     for name, columns in (("constraint", np.arange(mechanism.nv)), ("parallel", free)):
-        share = _share(mechanism, seed, state, columns)
-        if share < max(COMPARABLE * least, VANISHED):
+        value, usual = _smallest(mechanism, seed, state, columns)
+        if value < max(COMPARABLE * least * (usual if relative else 1.0), VANISHED * usual):
             kind = name
             break
     _, _, right = np.linalg.svd(state.dependent_jacobian)
@@ -80,16 +84,16 @@ def describe(mechanism: Mechanism, state: ClosedState) -> Singular:
     return Singular(kind, dict(zip(mechanism.tree.joint_names, motion.tolist(), strict=True)))
 
 
-def _share(mechanism: Mechanism, seed: ClosedState, state: ClosedState, columns: np.ndarray) -> float:
-    """The singular value that must not vanish for some columns to have their usual rank, as a share of the usual one.
+def _smallest(mechanism: Mechanism, seed: ClosedState, state: ClosedState, columns: np.ndarray) -> tuple[float, float]:
+    """The singular value that must not vanish for some columns to have their usual rank, and its usual value.
 
     Infinite where there is nothing that could vanish.
     """
     usual = _singular_values(mechanism, seed, columns)
     rank = int(np.count_nonzero(usual > RANK_SHARE * usual.max(initial=0.0)))
     if not rank:
-        return np.inf
-    return float(_singular_values(mechanism, state, columns)[rank - 1] / usual[rank - 1])
+        return np.inf, np.inf
+    return float(_singular_values(mechanism, state, columns)[rank - 1]), float(usual[rank - 1])
 
 
 def _singular_values(mechanism: Mechanism, state: ClosedState, columns: np.ndarray) -> np.ndarray:

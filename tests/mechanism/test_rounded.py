@@ -148,6 +148,7 @@ def test_the_routes_agree_to_more_than_the_gap(route):
     np.testing.assert_allclose(*forces, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_crosscheck_of_a_rounded_file_passes(tmp_path):
     file = tmp_path / "turned.urdf"
     file.write_text(text(6), encoding="utf-8")

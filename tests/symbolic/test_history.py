@@ -64,9 +64,9 @@ def test_rows_of_a_batch_are_rows_of_their_own(order):
         np.testing.assert_array_equal(value, alone[row])
 
 
-def test_the_numeric_route_goes_on_from_its_last_pose():
+def test_the_numeric_route_does_not_go_on_from_its_last_pose_either():
     leg = ld.load(five_bar(), route="pinocchio")
     zero = np.zeros(2)
-    assert np.isnan(leg.torque(np.array(HIDDEN), zero, zero, on_error="nan")).all()
-    leg.torque(np.array(BESIDE), zero, zero)
-    assert np.isfinite(leg.torque(np.array(HIDDEN), zero, zero)).all()
+    for _ in range(2):
+        assert np.isnan(leg.torque(np.array(HIDDEN), zero, zero, on_error="nan")).all()
+        leg.torque(np.array(BESIDE), zero, zero)
