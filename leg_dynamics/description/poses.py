@@ -9,7 +9,7 @@ from leg_dynamics.description.model import Description
 from leg_dynamics.description.parse import build
 from leg_dynamics.description.xml_reader import Document
 
-__all__ = ["with_home"]
+__all__ = ["set_home", "with_home"]
 
 
 def with_home(description: Description, values: Mapping[str, float]) -> Description:
@@ -22,6 +22,13 @@ def with_home(description: Description, values: Mapping[str, float]) -> Descript
         Joint coordinates, rad or m.
     """
     root = ElementTree.fromstring(description.urdf)
+    set_home(root, values)
+    document = Document(description.file, source=description.source, quiet=True)
+    return build(ElementTree.tostring(root, encoding="unicode"), document, description.parameters)
+
+
+def set_home(root: ElementTree.Element, values: Mapping[str, float]) -> None:
+    """Give a <robot> another ``home``: joint coordinates, rad or m."""
     for found in root.findall("configuration"):
         if found.get("name") == "home":
             root.remove(found)
@@ -31,5 +38,3 @@ def with_home(description: Description, values: Mapping[str, float]) -> Descript
     root.insert(places[0] if places else len(root), home)
     for joint, value in values.items():
         ElementTree.SubElement(home, "joint", name=joint, value=repr(float(value)))
-    document = Document(description.file, source=description.source, quiet=True)
-    return build(ElementTree.tostring(root, encoding="unicode"), document, description.parameters)

@@ -25,6 +25,7 @@ from xml.etree import ElementTree
 
 from leg_dynamics.description.lowering import replace_by_chain, turns
 from leg_dynamics.description.model import Description, Joint
+from leg_dynamics.description.poses import set_home
 from leg_dynamics.description.xml_reader import Document, nearest
 from leg_dynamics.description.yaml_reader import Entry, compose
 
@@ -189,21 +190,9 @@ def toolbox_text(sidecar: Path, tree: Description) -> str:
         for joint in root.findall("joint"):
             joint.set("independent", "true" if joint.get("name") in toolbox.independent else "false")
     if toolbox.home:
-        _set_home(root, toolbox.home)
+        set_home(root, toolbox.home)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode")
-
-
-def _set_home(root: ElementTree.Element, values: Mapping[str, float]) -> None:
-    for found in root.findall("configuration"):
-        if found.get("name") == "home":
-            root.remove(found)
-    # First, so that it is the default branch of the inverse kinematics too.
-    places = [place for place, child in enumerate(root) if child.tag == "configuration"]
-    home = ElementTree.Element("configuration", name="home")
-    root.insert(places[0] if places else len(root), home)
-    for joint, value in values.items():
-        ElementTree.SubElement(home, "joint", name=joint, value=repr(value))
 
 
 def _replace(root: ElementTree.Element, joint: ElementTree.Element, axes: str) -> None:

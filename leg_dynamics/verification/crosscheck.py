@@ -134,7 +134,8 @@ def _own_formulas(
     tolerance: float | None,
     load_options: dict[str, Any],
 ) -> CrosscheckReport:
-    from leg_dynamics.verification.own_formulas import OwnFormulas, hold
+    from leg_dynamics.verification.own_comparison import hold
+    from leg_dynamics.verification.own_formulas import OwnFormulas
 
     if isinstance(against, (int, float, np.number)):
         raise ParameterError(
