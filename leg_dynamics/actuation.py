@@ -193,7 +193,8 @@ class Feasibility:
     effort, speed : (..., m) array
         N·m or N; rad/s or m/s, on the joint side.
     effort_margin, speed_margin : (..., m) array
-        1 - |value| / limit: negative beyond it, 1 where there is no limit, -inf for any value at a limit of 0.
+        1 - value / limit of the side that the value is on: negative beyond it, 1 where there is no limit, -inf for any
+        value at a limit of 0.
     curve_margin : (..., m) array
         1 - max(u + |speed| / no-load speed, |u|), where u is the effort over the stall effort, positive along the speed
         and negative against it; 1 where the file states no such line. The motor at full voltage is the line
@@ -291,7 +292,8 @@ def feasibility(
         load = effort / stall
         along = np.where(speed < 0.0, -load, load) + np.abs(speed) / free
         curve = 1.0 - np.maximum(along, np.abs(load))
-        margins = [1.0 - _share(np.abs(x), limit) for x, limit in ((effort, limits.effort), (speed, limits.velocity))]
+        nearer = np.where(effort < 0.0, np.abs(limits.effort_lower), limits.effort)
+        margins = [1.0 - _share(np.abs(x), limit) for x, limit in ((effort, nearer), (speed, limits.velocity))]
     return Feasibility(tuple(names), effort, speed, margins[0], margins[1], curve)
 
 
@@ -324,7 +326,7 @@ class Policy(NamedTuple):
     def of(
         cls,
         m: int,
-        effort_limits: np.ndarray,
+        effort_limits: tuple[np.ndarray, np.ndarray],
         weights: Any = None,
         bounds: Any = None,
         preload: np.ndarray | None = None,
@@ -335,8 +337,8 @@ class Policy(NamedTuple):
         ----------
         m : int
             Actuators.
-        effort_limits : (m,) array
-            The file's, infinite where it gives none.
+        effort_limits : pair of (m,) array
+            The file's lower and upper ones, infinite where it gives none.
         weights : (m,) array_like, optional
             1 where None.
         bounds : bool, (m,) array_like or pair of (m,) array_like, optional
@@ -354,13 +356,13 @@ class Policy(NamedTuple):
         if bounds is None or bounds is False:
             lower, upper = np.full(m, -np.inf), np.full(m, np.inf)
         elif bounds is True:
-            if not np.isfinite(effort_limits).any():
+            lower, upper = effort_limits
+            if not (np.isfinite(lower) | np.isfinite(upper)).any():
                 raise ParameterError(
                     "bounds=True: no actuated joint has an effort limit in the file; state <limit effort=..>, or give "
                     "bounds as numbers",
                     parameter="bounds",
                 )
-            lower, upper = -effort_limits, effort_limits
         elif isinstance(bounds, tuple) and len(bounds) == 2 and not (m == 2 and np.ndim(bounds[0]) == 0):
             lower, upper = (_vector(f"bounds[{k}]", each, m) for k, each in enumerate(bounds))
         else:

@@ -65,17 +65,21 @@ LEAST_RECIPROCAL_CONDITION = 1e-6
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of some joints, each of shape (n,): rad or m, rad/s or m/s, N·m or N; infinite where there is none."""
+    """Limits of some joints, each of shape (n,): rad or m, rad/s or m/s, N·m or N; infinite where there is none.
+
+    Efforts are from `effort_lower`, at most 0, to `effort`; -effort where the file limits them alike both ways.
+    """
 
     lower: np.ndarray
     upper: np.ndarray
     velocity: np.ndarray
     effort: np.ndarray
+    effort_lower: np.ndarray
 
     @classmethod
     def of(cls, joints: Sequence[Joint]) -> Limits:
         """What a file says of these joints."""
-        fields = ("lower", "upper", "velocity", "effort")
+        fields = ("lower", "upper", "velocity", "effort", "effort_lower")
         arrays = {field: np.array([getattr(joint.limits, field) for joint in joints], dtype=float) for field in fields}
         for array in arrays.values():
             array.setflags(write=False)
@@ -1108,7 +1112,8 @@ class Leg:
         weights : (m,) array_like, optional
             Positive; 1 where None. Where efforts in N and in N·m mix, these say what a N·m is worth.
         bounds : bool, (m,) array_like or pair of (m,) array_like, optional
-            True: the effort limits of the actuated joints; one array: the same both ways; two: lower and upper.
+            True: the effort limits of the actuated joints, both ends; one array: the same both ways; two: lower and
+            upper.
         preload : (..., m) array_like, optional
             Efforts to be near to, N·m or N; what of them does no work is kept.
         allow_idle : bool
@@ -1215,7 +1220,8 @@ class Leg:
             raise ActuationError.of_idle(repr(self.name), verdict, self._route.actuator_joints)
         m, n = self._m, self._n
         wanted = None if preload is None else checked("preload", preload, m)
-        policy = Policy.of(m, self._actuator_limits.effort, weights, bounds, wanted)
+        limits = self._actuator_limits
+        policy = Policy.of(m, (limits.effort_lower, limits.effort), weights, bounds, wanted)
         call = self._arguments(
             on_error,
             q=(q, n),
@@ -1274,8 +1280,8 @@ class Leg:
     ) -> Feasibility:
         """Whether the actuators can do a motion: efforts, speeds, and both together.
 
-        Limits are those of the file: ``effort`` and ``velocity`` of the actuated joints, and the straight line from
-        ``stallTorque`` to ``noLoadSpeed`` of a transmission's actuator where it states them.
+        Limits are those of the file: ``effort``, ``effort_lower`` and ``velocity`` of the actuated joints, and the
+        straight line from ``stallTorque`` to ``noLoadSpeed`` of a transmission's actuator where it states them.
 
         Parameters
         ----------

@@ -19,12 +19,14 @@ FOOT = (
 TOGGLE = math.acos(0.75)
 
 
-def five_bar(motors=("ma", "mb"), effort=20.0, drive="", ratio=1.0, foot=False, home=True):
+def five_bar(motors=("ma", "mb"), effort=20.0, drive="", ratio=1.0, foot=False, home=True, effort_lower=None):
     """URDF+ text.
 
-    `motors` drive joints, with an `effort` limit; `drive` is XML inside each actuator, `ratio` its gear. `foot` adds
-    the link at the pin, `home` the configuration.
+    `motors` drive joints, with an `effort` limit, both ways where `effort_lower` is None; `drive` is XML inside each
+    actuator, `ratio` its gear. `foot` adds the link at the pin, `home` the configuration.
     """
+
+    efforts = f'effort="{effort}"' + ("" if effort_lower is None else f' effort_lower="{effort_lower}"')
 
     def link(name):
         return (
@@ -36,7 +38,7 @@ def five_bar(motors=("ma", "mb"), effort=20.0, drive="", ratio=1.0, foot=False, 
         return (
             f'<joint name="{name}" type="revolute" independent="{independent}"><parent link="{parent}"/>'
             f'<child link="{child}"/><origin xyz="{x} 0 0"/><axis xyz="0 1 0"/>'
-            f'<limit lower="-4" upper="4" effort="{effort}" velocity="10"/></joint>'
+            f'<limit lower="-4" upper="4" {efforts} velocity="10"/></joint>'
         )
 
     transmissions = "".join(

@@ -151,6 +151,26 @@ def test_bounds_of_an_exactly_actuated_leg():
     assert caught.value.needed == pytest.approx(np.abs(leg.torque(*STATE)).max() / 0.5, rel=1e-6)
 
 
+def test_bounds_of_the_file_hold_at_both_ends():
+    q, v, a = STATE
+    motors = ("ma", "mb", "ka")
+    free = ld.load(five_bar(motors))
+    wish, A = free.torque(q, v, a), free.actuator_jacobian(q)
+    lower, upper = 1.5 * wish.min(), 0.9 * wish.max()
+    assert -lower > 2.0 * upper > 0.0
+    leg = ld.load(five_bar(motors, effort=upper, effort_lower=lower))
+    tau = leg.torque(q, v, a, bounds=True)
+    np.testing.assert_array_equal(tau, leg.torque(q, v, a, bounds=(np.full(3, lower), np.full(3, upper))))
+    np.testing.assert_allclose(A.T @ tau, A.T @ wish, atol=1e-9)
+    assert (tau >= lower * (1.0 + 1e-9)).all()
+    assert (tau <= upper * (1.0 + 1e-9)).all()
+    assert leg.feasible(q, v, a, bounds=True)
+    assert not leg.feasible(q, v, a)
+    # One end alone is enough of a limit.
+    one_sided = Policy.of(3, (np.full(3, lower), np.full(3, np.inf)), bounds=True)
+    assert (one_sided.lower.tolist(), one_sided.upper.tolist()) == ([lower] * 3, [math.inf] * 3)
+
+
 def test_preload_keeps_only_what_does_no_work():
     leg = ld.load(five_bar(("ma", "mb", "ka")))
     A = leg.actuator_jacobian(STATE[0])
@@ -227,7 +247,7 @@ def test_actuators_that_lose_a_motion_at_a_pose():
     A = np.array([[[1.0, 0.0], [0.0, 0.0]]])
     verdict = actuation_of(np.array([np.eye(2)]), ("x", "y"), ("x", "y"), ("X", "Y"))
     failures = RowFailures()
-    policy = Policy.of(2, np.full(2, np.inf))
+    policy = Policy.of(2, free_of(2))
     tau, _ = policy.efforts(A, np.array([[1.0, 1.0]]), verdict, ("x", "y"), failures)
     assert np.isnan(tau).all()
     error = failures.combined(None)
@@ -255,7 +275,7 @@ def test_a_motion_that_the_only_actuator_loses():
 @pytest.mark.parametrize("weights", [[1.0, 1.0, 1.0], [1e6, 1e-6, 1.0], [1e-6, 1e6, 1e-6]])
 def test_weights_do_not_decide_what_is_held(least, held, weights):
     B = np.array([[1.0, 0.0, 0.0], [0.0, least, 0.0]])
-    tau, error = efforts_of(Policy.of(3, np.full(3, np.inf), weights), B, np.array([1.0, 1.0]))
+    tau, error = efforts_of(Policy.of(3, free_of(3), weights), B, np.array([1.0, 1.0]))
     assert (error is None) == held
     if held:
         np.testing.assert_allclose(tau, [1.0, 1.0 / least, 0.0], rtol=1e-9)
@@ -367,7 +387,7 @@ def test_bounded_efforts_are_the_exact_optimum_at_any_scale(mixed, weighted, mon
     # By the quadratic program first, and by the active-set method alone.
     for _ in range(2):
         for (B, force, weights, preload, lower, upper), each in zip(problems, best, strict=True):
-            policy = Policy.of(len(weights), upper, weights, (lower, upper), preload)
+            policy = Policy.of(len(weights), (lower, upper), weights, (lower, upper), preload)
             tau, error = efforts_of(policy, B, force)
             if each is None:
                 assert np.isnan(tau).all()
@@ -394,7 +414,7 @@ def test_the_quadratic_program_agrees_with_the_active_set_method(monkeypatch):
     monkeypatch.setattr(_Share, "_by_interior", recorded)
     for _ in range(100):
         B, force, weights, preload, lower, upper = random_problem(random, False, False)
-        efforts_of(Policy.of(len(weights), upper, weights, (lower, upper), preload), B, force)
+        efforts_of(Policy.of(len(weights), (lower, upper), weights, (lower, upper), preload), B, force)
     assert len(answers) > 10
 
 
@@ -412,14 +432,14 @@ def test_a_small_leg_on_a_strong_lift():
         force = np.concatenate([small[1] + dust * alone[1].sum(), strong[1]])
         for order in ([0, 1, 2, 3, 4], [3, 0, 4, 2, 1]):
             limit = np.concatenate([small[2], strong[2]])[order]
-            tau, error = efforts_of(Policy.of(5, limit, bounds=True), B[:, order], force)
+            tau, error = efforts_of(Policy.of(5, (-limit, limit), bounds=True), B[:, order], force)
             assert error is None
             assert (np.abs(B[:, order] @ tau - force) <= 1e-12 * np.abs(force)).all()
             np.testing.assert_allclose(tau, np.concatenate(alone)[order], rtol=1e-12)
             # The small one cannot, and is not hidden by the strong one.
             limit = np.concatenate([0.5 * small[2], strong[2]])[order]
-            tau, error = efforts_of(Policy.of(5, limit, bounds=True), B[:, order], force)
-            _, apart = efforts_of(Policy.of(3, limit, bounds=0.5 * small[2]), *small[:2])
+            tau, error = efforts_of(Policy.of(5, (-limit, limit), bounds=True), B[:, order], force)
+            _, apart = efforts_of(Policy.of(3, free_of(3), bounds=0.5 * small[2]), *small[:2])
             assert np.isnan(tau).all()
             assert error.needed == pytest.approx(apart.needed, rel=1e-9)
 
@@ -470,7 +490,7 @@ def test_bounds_at_their_boundary_cases(scale):
 
 
 def free_of(m):
-    return np.full(m, np.inf)
+    return np.full(m, -np.inf), np.full(m, np.inf)
 
 
 @pytest.mark.parametrize("zero", [True, False])
@@ -485,7 +505,7 @@ def test_what_the_bounds_lack_is_just_enough(zero):
         elif ((lower <= 0.0) & (upper >= 0.0)).all():
             continue
         m = len(weights)
-        _, error = efforts_of(Policy.of(m, upper, weights, (lower, upper), preload), B, force)
+        _, error = efforts_of(Policy.of(m, (lower, upper), weights, (lower, upper), preload), B, force)
         if error is None or not np.isfinite(error.needed):
             continue
         assert ("times the bounds are needed" in error.message) == zero
@@ -499,7 +519,7 @@ def test_what_the_bounds_lack_is_just_enough(zero):
                 if zero
                 else (lower - excess * unit, upper + excess * unit)
             )
-            _, again = efforts_of(Policy.of(m, upper, weights, wider, preload), B, force)
+            _, again = efforts_of(Policy.of(m, (lower, upper), weights, wider, preload), B, force)
             assert (again is None) == enough
         checked += 1
 
@@ -548,7 +568,7 @@ def test_bad_choices(options, error, text):
 
 def test_bounds_of_the_file_need_limits():
     with pytest.raises(ParameterError, match="no actuated joint has an effort limit"):
-        Policy.of(2, np.full(2, np.inf), bounds=True)
+        Policy.of(2, free_of(2), bounds=True)
 
 
 # ------------------------------------------------------------------------------------------------------- feasibility
@@ -568,6 +588,24 @@ def test_margins_are_those_of_the_file():
     assert pickle.loads(pickle.dumps(found)).actuators == ("M_ma", "M_mb")
 
 
+def test_margins_are_those_of_the_side_that_the_effort_is_on():
+    leg = ld.load(five_bar(effort=5.0, effort_lower=-4.0))
+    for limits in (leg.limits, leg.actuator_limits):
+        assert (limits.effort_lower.tolist(), limits.effort.tolist()) == ([-4.0] * 2, [5.0] * 2)
+        assert not limits.effort_lower.flags.writeable
+    q, v, a = STATE
+    efforts = np.array([[-4.0, 5.0], [-5.0, 4.0], [-1.0, 1.0], [6.0, 0.0]])
+    found = leg.feasible(np.tile(q, (4, 1)), v, a, torque=efforts)
+    np.testing.assert_allclose(found.effort_margin, [[0.0, 0.0], [-0.25, 0.2], [0.75, 0.8], [-0.2, 1.0]], atol=1e-15)
+    assert found.ok.tolist() == [[True, True], [False, True], [True, True], [False, True]]
+    assert (found.worst()[0]["effort_margin"], found.worst()[0]["effort_sample"]) == (-0.25, 1)
+    push = ld.load(five_bar(effort=5.0, effort_lower=0.0)).feasible(q, v, a, torque=[2.5, -1e-9])
+    assert push.effort_margin.tolist() == [0.5, -math.inf]
+    assert str(push).endswith("M_mb: BEYOND its effort limit, which is 0")
+    pull = ld.load(five_bar(effort=0.0, effort_lower=-5.0)).feasible(q, v, a, torque=[1e-9, -2.5])
+    assert pull.effort_margin.tolist() == [-math.inf, 0.5]
+
+
 def test_the_torque_speed_line_holds_while_driving():
     drive = "<stallTorque>2</stallTorque><noLoadSpeed>50</noLoadSpeed>"
     leg = ld.load(five_bar(drive=drive, ratio=5.0))  # at the joint: 10 N·m at rest, 10 rad/s without load
@@ -583,7 +621,8 @@ def test_the_torque_speed_line_holds_while_driving():
 
 def curve(effort, speed, line=(12.0, 100.0 / 6.0)):
     """Margin to a torque-speed line at one effort and speed."""
-    unlimited = SimpleNamespace(effort=np.array([np.inf]), velocity=np.array([np.inf]))
+    infinite = np.array([np.inf])
+    unlimited = SimpleNamespace(effort=infinite, effort_lower=-infinite, velocity=infinite)
     return float(feasibility(np.array([effort]), np.array([speed]), unlimited, [line], ["M"]).curve_margin[0])
 
 

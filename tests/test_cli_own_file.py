@@ -124,6 +124,55 @@ def test_torque_flags_what_the_actuators_cannot_do(written, tmp_path):
     assert "left" in run("torque", written(effort=1e3), "--trajectory", table).stdout
 
 
+@pytest.mark.parametrize(("lower", "upper"), [(-0.5, 40.0), (-40.0, 0.5), (0.0, 40.0), (-40.0, 0.0)])
+def test_torque_and_info_know_both_ends_of_the_efforts(written, tmp_path, lower, upper):
+    table = motion_file(tmp_path / "motion.csv", [1.9, 1.1], [2.2, 0.9])
+    with np.errstate(all="ignore"):
+        rows = np.genfromtxt(table, delimiter=",", skip_header=1)
+    path = written(effort=upper, effort_lower=lower)
+    tau = ld.load(path).torque(rows[:, 1:3], rows[:, 3:5], rows[:, 5:7])
+    done, result = (run("torque", path, "--trajectory", table, *more) for more in ((), ("--json",)))
+    result = strict(result.stdout)
+    broken = (tau < lower) | (tau > upper)
+    assert broken.any()
+    assert not broken.all()
+    for k, row in enumerate(result["actuators"]):
+        limits = row["limits"]
+        assert limits["feasible"] == (not broken[:, k].any())
+        line = next(line for line in done.stdout.splitlines() if line.split()[:1] == [row["name"]])
+        if limits["feasible"]:
+            assert "left" in line
+        elif 0.0 in (lower, upper):
+            assert f"BEYOND effort, whose limit is 0, at {limits['effort_time']:.3f} s" in line
+        else:
+            assert f"BEYOND effort by {-limits['effort_margin']:.1%} at" in line
+    told = strict(run("info", path, "--json").stdout)["joints"]
+    assert [(row["effort_lower"], row["effort"]) for row in told] == [(lower, upper)] * 2
+    assert f"{lower:g} ... {upper:g}" in run("info", path).stdout
+    assert "..." not in "".join(
+        line for line in run("info", written(effort=3.0)).stdout.splitlines() if line.split()[:2] == ["ma", "rad"]
+    )
+
+
+def test_torque_bounded_keeps_to_both_ends(written, tmp_path):
+    table = motion_file(tmp_path / "motion.csv", [1.9, 1.1], [2.0, 1.0])
+    motors, output = ("ma", "mb", "ka"), tmp_path / "out.csv"
+
+    def efforts(path, *more):
+        assert run("torque", path, "--trajectory", table, "--output", output, *more).exit_code == 0
+        return np.genfromtxt(output, delimiter=",", skip_header=1)[:, 7:10]
+
+    wish = efforts(written(motors=motors))
+    lower, upper = 1.5 * wish.min(), 0.9 * wish.max()
+    assert -lower > 2.0 * upper > 0.0
+    path = written(motors=motors, effort=upper, effort_lower=lower)
+    tau = efforts(path, "--bounded")
+    assert (tau >= lower * (1.0 + 1e-9)).all()
+    assert (tau <= upper * (1.0 + 1e-9)).all()
+    assert strict(run("torque", path, "--trajectory", table, "--bounded", "--json").stdout)["feasible"]
+    assert not strict(run("torque", path, "--trajectory", table, "--json").stdout)["feasible"]
+
+
 def test_torque_of_idle_and_redundant_mechanisms(written, tmp_path):
     table = motion_file(tmp_path / "motion.csv", [1.9, 1.1], [2.2, 0.9])
     done = run("torque", written(motors=("mb",)), "--trajectory", table)

@@ -8,7 +8,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -105,13 +105,14 @@ def info_leg(
     mechanism = model.description
     mobility = report.mobility
     moving_mass = math.fsum(link.inertial.mass for link in mechanism.links if link.inertial is not None)
-    joints = [
+    joints: list[dict[str, Any]] = [
         {
             "name": name,
             "unit": unit,
             "lower": float(model.limits.lower[i]),
             "upper": float(model.limits.upper[i]),
             "velocity": float(model.limits.velocity[i]),
+            "effort_lower": float(model.limits.effort_lower[i]),
             "effort": float(model.limits.effort[i]),
         }
         for i, (name, unit) in enumerate(zip(model.joint_names, model.units.joints, strict=True))
@@ -154,7 +155,8 @@ def info_leg(
     console.print(table)
     table = new_table("Independent coordinates", "name", "unit", "lower", "upper", "velocity limit", "effort limit")
     for row in joints:
-        add_row(table, *(format_number(value) for value in row.values()))
+        shown = [format_number(row[key]) for key in ("name", "unit", "lower", "upper", "velocity")]
+        add_row(table, *shown, _effort_range(row["effort_lower"], row["effort"]))
     console.print(table)
     table = new_table("Actuators", "name", "unit")
     for actuator in actuators:
@@ -172,6 +174,11 @@ def info_leg(
     _show_inspection(console, report)
     if not report.passed:
         raise typer.Exit(FAILED)
+
+
+def _effort_range(lower: float, upper: float) -> str:
+    """One number where efforts are limited alike both ways."""
+    return format_number(upper) if lower == -upper else f"{format_number(lower)} ... {format_number(upper)}"
 
 
 def _inspected(name: str, set_: Sequence[str] | None, foot: str | None, urdf: Path | None) -> Inspection:

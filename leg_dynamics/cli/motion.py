@@ -173,7 +173,7 @@ def _limit_text(flags: Mapping[str, Any]) -> str:
     """The nearest of an actuator's limits, or the broken ones with their times."""
     names = {"effort": "effort", "speed": "speed", "curve": "torque-speed line"}
     broken = [
-        f"BEYOND {name} by {-flags[f'{kind}_margin']:.1%} at {flags[f'{kind}_time']:.3f} s"
+        f"BEYOND {name}{_excess(flags[f'{kind}_margin'])} at {flags[f'{kind}_time']:.3f} s"
         for kind, name in names.items()
         if not flags[f"{kind}_margin"] >= 0.0
     ]
@@ -181,6 +181,13 @@ def _limit_text(flags: Mapping[str, Any]) -> str:
         return ", ".join(broken)
     least = min(names, key=lambda kind: flags[f"{kind}_margin"])
     return f"{flags[f'{least}_margin']:.1%} of {names[least]} left"
+
+
+def _excess(margin: float) -> str:
+    """How far a broken limit is exceeded; of a limit of 0 no share says it."""
+    from leg_dynamics.actuation import LEAST_MARGIN
+
+    return ", whose limit is 0," if margin <= LEAST_MARGIN else f" by {-margin:.1%}"
 
 
 def write_table(path: Path, leg: Leg, motion: Trajectory, efforts: np.ndarray) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import posixpath
 import re
+import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -86,13 +87,13 @@ def mjcf_text(text: str, document: Document, path: Path | None = None) -> str:
 
     Bodies become links of the same names, the world is the root ``world``, and named sites are links fixed to their
     bodies. Several joints of one body are a chain about massless links. An actuator on a hinge or slide marks the joint
-    as driven; what it can exert at the joint (gear included) is the joint's effort limit, with a reduction of 1. A
-    description has one limit both ways: where the file's differ, the smaller magnitude, so that nothing is feasible
-    that the file forbids. Several on one joint are one actuator, called ``first+second``, and what they can exert adds
-    up. Where a model has actuators and none of them is on a hinge or slide that moves, nothing is driven; a model
-    without actuators does not say what is, and counts as driven at its independent hinges and slides. Connect and weld
-    equalities become spherical and fixed loops, linear joint equalities mimic joints, keyframes configurations (qpos0
-    is ``home`` where there is none). Contacts and shapes are left out.
+    as driven; what it can exert at the joint (gear included) is the joint's effort limit, each way its own, with a
+    reduction of 1. A range without 0 is a limit of 0, so that nothing is feasible that the file forbids. Several on one
+    joint are one actuator, called ``first+second``, and what they can exert adds up, end by end. Where a model has
+    actuators and none of them is on a hinge or slide that moves, nothing is driven; a model without actuators does not
+    say what is, and counts as driven at its independent hinges and slides. Connect and weld equalities become spherical
+    and fixed loops, linear joint equalities mimic joints, keyframes configurations (qpos0 is ``home`` where there is
+    none). Contacts and shapes are left out.
 
     Parameters
     ----------
@@ -117,8 +118,8 @@ def mjcf_text(text: str, document: Document, path: Path | None = None) -> str:
     Warns
     -----
     LegDynamicsWarning
-        For inactive equalities and actuators, actuators that drive no single joint, several on one joint, efforts that
-        are not the same both ways, gravity other than 9.81 m/s² downwards, mocap bodies (fixed where they are), gravity
+        For inactive equalities and actuators, actuators that drive no single joint, several on one joint, ranges of
+        efforts without 0, gravity other than 9.81 m/s² downwards, mocap bodies (fixed where they are), gravity
         compensation and fluids.
     """
     root = read_root(text, document)
@@ -572,8 +573,8 @@ class _Reader:
 
     # actuators
 
-    def _actuators(self) -> tuple[dict[int, float], dict[int, str]]:
-        """Effort limit of each joint, N·m or N at the joint, and the actuator of each driven joint, both by joint."""
+    def _actuators(self) -> tuple[dict[int, tuple[float, float]], dict[int, str]]:
+        """Least and greatest effort, N·m or N at the joint, and the actuator of each driven joint, both by joint."""
         model, kinds, objects = self.model, self.mj.mjtTrn, self.mj.mjtObj
         ranges: dict[int, tuple[float, float]] = {}
         drives: dict[int, list[int]] = {}
@@ -607,14 +608,15 @@ class _Reader:
             if self._is_scalar(joint) and model.jnt_actfrclimited[joint]:
                 lower, upper = ranges.get(joint, (-math.inf, math.inf))
                 least, most = map(float, model.jnt_actfrcrange[joint])
-                ranges[joint] = max(lower, least), min(upper, most)
+                # As MuJoCo clamps: of a range beyond its own the joint gets the nearer end.
+                ranges[joint] = min(max(lower, least), most), max(min(upper, most), least)
         for why, numbers in (
             ("they drive no single joint that moves", dropped),
             ("the file switches them off", inactive),
         ):
             if numbers:
                 self.document.warn(f"left out, as {why}: {self._listed(objects.mjOBJ_ACTUATOR, numbers, 'actuator')}")
-        return self._symmetric(ranges), self._merged(drives)
+        return self._with_rest(ranges), self._merged(drives)
 
     def _is_active(self, number: int) -> bool:
         """Whether the file lets an actuator exert its force."""
@@ -624,20 +626,22 @@ class _Reader:
         # MuJoCo can switch off groups 0 to 30 only.
         return not (0 <= group <= 30 and switched_off >> group & 1)
 
-    def _symmetric(self, ranges: Mapping[int, tuple[float, float]]) -> dict[int, float]:
-        """Effort limits that hold both ways."""
-        uneven = []
-        efforts: dict[int, float] = {}
+    def _with_rest(self, ranges: Mapping[int, tuple[float, float]]) -> dict[int, tuple[float, float]]:
+        """Ranges of efforts as a description has them: no effort at all is within."""
+        without = []
+        efforts: dict[int, tuple[float, float]] = {}
         for joint, (lower, upper) in ranges.items():
-            efforts[joint] = max(0.0, min(-lower, upper))
-            if max(-lower, upper) - efforts[joint] > _SAME * max(-lower, upper):
-                uneven.append(f"{lower:g} to {upper:g} at joint {self.joints[joint]!r}")
-        if uneven:
-            shown = ", ".join(uneven[:3]) + (f" and {len(uneven) - 3} more" if len(uneven) > 3 else "")
+            rounding = _SAME * max(abs(lower), abs(upper))
+            if lower <= rounding and upper >= -rounding:
+                efforts[joint] = min(lower, 0.0), max(upper, 0.0)
+            else:
+                efforts[joint] = 0.0, 0.0
+                without.append(f"{lower:g} to {upper:g} at joint {self.joints[joint]!r}")
+        if without:
+            shown = ", ".join(without[:3]) + (f" and {len(without) - 3} more" if len(without) > 3 else "")
             self.document.warn(
-                f"efforts are not limited alike both ways ({shown}), and a description has one limit: the smaller "
-                "magnitude, or 0 where only one sign is possible, so that more than that counts as not feasible; "
-                "torque(.., bounds=(lower, upper)) takes both ends"
+                f"no effort of 0 is possible ({shown}), and the limits of a description always allow it: limited to 0 "
+                "both ways, so that no effort counts as feasible; torque(.., bounds=(lower, upper)) takes both ends"
             )
         return efforts
 
@@ -706,7 +710,7 @@ class _Reader:
         moments = dict(zip(("ixx", "iyy", "izz"), map(_number, model.body_inertia[body]), strict=True))
         ElementTree.SubElement(inertial, "inertia", moments | {"ixy": "0", "ixz": "0", "iyz": "0"})
 
-    def _add_joints(self, body: int, efforts: Mapping[int, float]) -> None:
+    def _add_joints(self, body: int, efforts: Mapping[int, tuple[float, float]]) -> None:
         """The chain from a body's parent to the body."""
         model, name = self.model, self.bodies[body]
         parent = self.bodies[int(model.body_parentid[body])]
@@ -757,7 +761,7 @@ class _Reader:
         child: str,
         position: np.ndarray,
         rotation: np.ndarray,
-        efforts: Mapping[int, float],
+        efforts: Mapping[int, tuple[float, float]],
     ) -> None:
         """A hinge, slide or ball joint, or what a joint equality locks."""
         model = self.model
@@ -792,8 +796,7 @@ class _Reader:
         joint = self._add_joint(number, kind, parent, child, position, rotation)
         ElementTree.SubElement(joint, "axis", xyz=_numbers(axis))
         bounds = dict(zip(("lower", "upper"), map(_number, model.jnt_range[number]), strict=True)) if limited else {}
-        if (effort := efforts.get(number, math.inf)) < math.inf:
-            bounds["effort"] = _number(effort)
+        bounds |= _effort_attributes(*efforts.get(number, (-math.inf, math.inf)))
         if bounds:
             ElementTree.SubElement(joint, "limit", bounds)
         self._add_dynamics(joint, number)
@@ -871,6 +874,15 @@ class _Reader:
 def _number(value: float) -> str:
     value = float(value)
     return repr(int(value)) if value.is_integer() and abs(value) < 1e6 else repr(value)
+
+
+def _effort_attributes(lower: float, upper: float) -> dict[str, str]:
+    """Attributes of ``<limit>`` for a range of efforts, N·m or N; none where there is no end."""
+    found = {} if math.isinf(upper) else {"effort": _number(upper)}
+    if lower != -upper:
+        # No attribute says that only the lower end is infinite.
+        found["effort_lower"] = _number(max(lower, -sys.float_info.max))
+    return found
 
 
 def _numbers(values: Iterable[float]) -> str:

@@ -149,12 +149,21 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class JointLimits:
-    """Position (rad or m), effort (N·m or N) and speed limits; infinite where the file gives none."""
+    """Position (rad or m), effort (N·m or N) and speed limits; infinite where the file gives none.
+
+    Efforts are from `effort_lower`, at most 0, to `effort`, at least 0; -effort where `effort_lower` is not given.
+    """
 
     lower: float = -math.inf
     upper: float = math.inf
     effort: float = math.inf
     velocity: float = math.inf
+    effort_lower: float = math.nan
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.effort_lower):
+            # A difference: -effort would be a negative zero.
+            object.__setattr__(self, "effort_lower", 0.0 - self.effort)
 
 
 @dataclass(frozen=True, slots=True)

@@ -464,7 +464,14 @@ def _limits(joint: Node, kind: str) -> JointLimits:
             raise node.error(f"lower limit {lower:g} of {joint.label} exceeds its upper limit {upper:g}")
     if kind not in ("revolute", "prismatic"):
         lower, upper = -math.inf, math.inf
-    return JointLimits(lower, upper, _non_negative(node, "effort", math.inf), _non_negative(node, "velocity", math.inf))
+    effort, velocity = _non_negative(node, "effort", math.inf), _non_negative(node, "velocity", math.inf)
+    effort_lower = node.number("effort_lower", 0.0 - effort)
+    if effort_lower > 0.0:
+        raise node.error(
+            f"positive effort_lower {effort_lower:g} of <limit>: it is the end of the negative efforts, at most 0; "
+            "without it efforts are limited alike both ways"
+        )
+    return JointLimits(lower, upper, effort, velocity, effort_lower + 0.0)  # no negative zero
 
 
 def _warn_about_missing_bounds(joints: Iterable[Node]) -> None:

@@ -49,15 +49,16 @@ function show_legend(viewer) {
       element(row, "span", "", motor.name);
       const bar = element(row, "div", "bar");
       bar.style.background = `linear-gradient(to right, ${group.stops.join(", ")})`;
-      if (motor.limit !== null && motor.limit < group.end) {
-        for (const side of [-1, 1]) { element(bar, "b").style.left = place(side * motor.limit); }
+      for (const end of [motor.lower, motor.limit]) {
+        if (end !== null && Math.abs(end) < group.end) { element(bar, "b").style.left = place(end); }
       }
       const marker = element(bar, "i");
       const output = element(row, "output");
       updates.push([motor.values, (value) => {
         marker.style.left = place(value);
         output.textContent = signed(value, group.decimals);
-        row.classList.toggle("over", motor.limit !== null && Math.abs(value) > motor.limit);
+        row.classList.toggle("over", (motor.limit !== null && value > motor.limit)
+          || (motor.lower !== null && value < motor.lower));
       }]);
     }
     const row = element(section, "div", "row ticks-row");
@@ -72,11 +73,14 @@ function show_legend(viewer) {
     const names = [...section.querySelectorAll(".row > span:first-child")];
     const width = Math.max(...names.map((name) => name.getBoundingClientRect().width));
     for (const name of names) { name.style.minWidth = `${Math.min(width, 90)}px`; }
-    const limits = group.motors.filter((motor) => motor.limit !== null);
+    const limits = group.motors.filter((motor) => motor.lower !== null || motor.limit !== null);
     if (limits.length > 0) {
-      const same = limits.length === group.motors.length && limits.every((motor) => motor.limit === limits[0].limit);
-      element(section, "p", "note", same ? `limit \u00B1${short(limits[0].limit)}`
-        : "limits " + limits.map((motor) => `${motor.name} \u00B1${short(motor.limit)}`).join(", "));
+      const same = limits.length === group.motors.length
+        && limits.every((motor) => motor.lower === limits[0].lower && motor.limit === limits[0].limit);
+      const range = (motor) => motor.lower === -motor.limit ? `\u00B1${short(motor.limit)}`
+        : `${motor.lower === null ? "\u2212\u221E" : short(motor.lower)} to ${motor.limit === null ? "+\u221E" : short(motor.limit)}`;
+      element(section, "p", "note", same ? `limit ${range(limits[0])}`
+        : "limits " + limits.map((motor) => `${motor.name} ${range(motor)}`).join(", "));
     }
   }
 

@@ -31,8 +31,8 @@ class Motor:
         The link that carries its colour.
     unit : str
         ``N·m``, or ``N`` on a slide.
-    limit : float
-        Largest effort, infinite where none is known.
+    lower, limit : float
+        Least and greatest effort, infinite where none is known.
     efforts : numpy.ndarray, shape (T,)
         Its effort over time.
     """
@@ -40,6 +40,7 @@ class Motor:
     actuator: str
     link: str
     unit: str
+    lower: float
     limit: float
     efforts: np.ndarray
 
@@ -69,7 +70,7 @@ def check_motors(
         The link to colour, or the joint whose child link to colour, where it is not the usual one: the link
         ``motor_<actuator>``, else the child link of the actuated joint.
     effort_limits : mapping of str to float, optional
-        Largest effort of an actuator where it is not the limit of its joint, N·m or N.
+        Largest effort of an actuator, both ways, where its joint's limits are not meant, N·m or N.
 
     Returns
     -------
@@ -95,17 +96,27 @@ def check_motors(
     for actuator, values in efforts.items():
         checked = _efforts(actuator, values, samples)
         link, joint = _link_and_joint(description, actuator, links.get(actuator))
-        limit = limits.get(actuator, math.inf if joint is None else joint.limits.effort)
-        if actuator in limits and not limit > 0.0:
-            raise ParameterError(f"effort_limits[{actuator!r}] is {limit!r}, but a limit must be positive")
+        lower, limit = _range(joint)
+        if actuator in limits:
+            limit = limits[actuator]
+            if not limit > 0.0:
+                raise ParameterError(f"effort_limits[{actuator!r}] is {limit!r}, but a limit must be positive")
+            lower = -limit
         if link in motors:
             raise ParameterError(
                 f"link {link!r} cannot show the efforts of both {motors[link].actuator!r} and {actuator!r}; "
                 "name another link in actuator_links"
             )
         unit = "N" if joint is not None and joint.type == "prismatic" else "N\N{MIDDLE DOT}m"
-        motors[link] = Motor(actuator, link, unit, float(limit) if limit > 0.0 else math.inf, checked)
+        motors[link] = Motor(actuator, link, unit, float(lower), float(limit), checked)
     return tuple(motors.values())
+
+
+def _range(joint: Joint | None) -> tuple[float, float]:
+    """Least and greatest effort of a joint; 0 both ways stands for limits that are not known."""
+    if joint is None or joint.limits.effort_lower == joint.limits.effort == 0.0:
+        return -math.inf, math.inf
+    return joint.limits.effort_lower, joint.limits.effort
 
 
 def _efforts(actuator: str, values: ArrayLike, samples: int) -> np.ndarray:
@@ -166,6 +177,7 @@ def legend_group(unit: str, end: float, motors: tuple[Motor, ...]) -> dict[str, 
         "motors": [
             {
                 "name": motor.actuator,
+                "lower": motor.lower if math.isfinite(motor.lower) else None,
                 "limit": motor.limit if math.isfinite(motor.limit) else None,
                 "values": motor.efforts.tolist(),
             }

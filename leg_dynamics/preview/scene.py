@@ -291,7 +291,7 @@ def build_scene(
         Link to colour, or joint whose child link to colour, for an actuator where it is neither the link
         ``motor_<actuator>`` nor, without such a link, the child link of the actuated joint.
     effort_limits : mapping of str to float, optional
-        Largest effort of an actuator, N·m or N; the limit of its joint where not given.
+        Largest effort of an actuator, both ways, N·m or N; the limits of its joint where not given.
     cloud : Cloud, optional
         Points to show beside the mechanism, such as its workspace.
     walking : Walking, optional

@@ -309,6 +309,34 @@ def test_hip_acceleration_reaches_the_leg():
     assert np.allclose(limb.vector_to_body(result.limbs[0].effort), expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_efforts_are_held_against_the_limit_of_their_side(sign):
+    leg = Telescope()
+    robot = toy_robot(6, leg)
+    limbs = [dataclasses.replace(limb, joints={f"{limb.name}_r": ("r", sign)}) for limb in robot.limbs]
+    robot = dataclasses.replace(robot, limbs=tuple(limbs))
+    result = study(robot, plan(robot, "tripod", period=4.0, velocity=(0.1, 0.0)))
+    strut = np.concatenate([motion.effort[:, 2] for motion in result.limbs])
+    assert strut.min() == 0.0 < strut.max()  # struts push only
+
+    def judged(lower, upper):
+        leg.limits.effort_lower, leg.limits.effort = np.array([-1e4, -1e4, lower]), np.array([1e4, 1e4, upper])
+        facts = summary(result)
+        rows = [each["actuators"][2] for each in facts["legs"]]
+        ends = sorted((sign * lower, sign * upper))
+        assert all([row["effort_lower_limit"], row["effort_limit"]] == ends for row in rows)
+        assert facts["drives_suffice"] == all(row["effort_within_limit"] for row in rows)
+        return facts["drives_suffice"], facts["verdict"]
+
+    most = strut.max()
+    assert judged(0.0, 1.01 * most)[0]
+    assert judged(-most, 1.01 * most)[0]
+    enough, said = judged(-2.0 * most, 0.5 * most)
+    assert (enough, f"with {sign * most:.4g}  where {0.5 * sign * most:.4g}  are allowed" in said) == (False, True)
+    enough, said = judged(-2.0 * most, 0.0)
+    assert (enough, f"with {sign * most:.4g}  where 0  are allowed" in said) == (False, True)
+
+
 # Reading and reporting.
 
 

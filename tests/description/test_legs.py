@@ -226,6 +226,13 @@ def test_what_joins_subtrees_makes_one_group_of_them(tie: str) -> None:
     assert [leg.joint_names for leg in joined.values()] == [("FL_a", "FL_b", "FR_a", "FR_b", "m"), ("RL_a", "RL_b")]
 
 
+def test_a_leg_keeps_limits_of_efforts_each_way() -> None:
+    text = robot(*(chain("base", f"{name}_a", f"{name}_b") for name in ("FL", "FR")))
+    whole = parse(text.replace('effort="9"', 'effort="9" effort_lower="-3"'))
+    limits = leg_part(whole, "FL").joint("FL_a").limits
+    assert (limits.effort_lower, limits.effort) == (-3.0, 9.0)
+
+
 def test_ties_of_the_trunk_and_within_a_leg_join_nothing() -> None:
     parts = [chain("base", f"{name}_a", f"{name}_b") for name in ("FL", "FR")] + [chain("base", "box", kinds="f")]
     ties = LOOP.format("box", "FL_b") + COUPLING.format("FR_a", "FR_b")

@@ -84,14 +84,14 @@ def test_a_planar_joint_becomes_two_slides_across_its_normal_and_a_hinge_about_i
 @pytest.mark.parametrize("flag", ["true", "False"])
 @pytest.mark.parametrize("kind", ["floating", "planar"])
 def test_flags_and_limits_of_effort_and_speed_go_to_every_joint_of_the_chain(kind, flag):
-    inside = '<limit lower="-1" upper="1" effort="7" velocity="3"/>'
+    inside = '<limit lower="-1" upper="1" effort="7" effort_lower="-2" velocity="3"/>'
     lowered = single_coordinate(parse(mechanism(kind, attributes=f'independent="{flag}"', inside=inside)))
     chain = [joint for joint in lowered.joints if joint.name.startswith("root")]
     assert len(chain) == (6 if kind == "floating" else 3)
     for joint in chain:
         assert joint.independent == (flag == "true")
         assert joint.independent_is_stated
-        assert (joint.limits.effort, joint.limits.velocity) == (7.0, 3.0)
+        assert (joint.limits.effort_lower, joint.limits.effort, joint.limits.velocity) == (-2.0, 7.0, 3.0)
         assert (joint.limits.lower, joint.limits.upper) == (-np.inf, np.inf)
     assert not lowered.joint("hinge").independent_is_stated
 

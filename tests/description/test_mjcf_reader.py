@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import pickle
-import re
 import warnings
 
 import numpy as np
@@ -461,31 +460,80 @@ def test_an_unlimited_slide_keeps_its_effort_without_a_warning():
     assert (limits.lower, limits.upper, limits.effort) == (-np.inf, np.inf, 7.0)
 
 
+UNEVEN = [
+    ("", '<motor name="m" joint="ja" forcerange="-1 4"/>', -1.0, 4.0),
+    ("", '<motor name="m" joint="ja" forcerange="-1 4" gear="-2"/>', -8.0, 2.0),
+    ("", '<motor name="m" joint="ja" ctrlrange="-1 4" gear="3"/>', -3.0, 12.0),
+    ("", '<motor name="m" joint="ja" forcerange="0 3"/>', 0.0, 3.0),
+    ("", '<motor name="m" joint="ja" forcerange="0 3" gear="-1"/>', -3.0, 0.0),
+    ('actuatorfrcrange="-4 5"', '<motor name="m" joint="ja"/>', -4.0, 5.0),
+    ('actuatorfrcrange="-7 7"', '<motor name="m" joint="ja" forcerange="-9 2"/>', -7.0, 2.0),
+    ('actuatorfrcrange="0 7"', '<motor name="m" joint="ja" forcerange="-9 2"/>', 0.0, 2.0),
+    ("", '<motor joint="ja" forcerange="0 3"/><motor joint="ja" gear="-2" forcerange="-1 4"/>', -8.0, 5.0),
+    ("", '<motor name="m" joint="ja" forcerange="1 3"/><motor name="n" joint="ja" forcerange="-2 2"/>', -1.0, 5.0),
+    # Rounding alone moves the lower end above 0.
+    ("", "".join(f'<motor joint="ja" forcerange="{lower} 1"/>' for lower in (0.1, 0.2, -0.3)), 0.0, 3.0),
+]  # fmt: skip
+
+
+def driven(joint, actuators):
+    bodies = f'<body name="a"><joint name="ja" {joint}/>{GEOM}</body>'
+    return model(bodies, f"<actuator>{actuators}</actuator>")
+
+
+@pytest.mark.parametrize(("joint", "actuators", "lower", "upper"), UNEVEN)
+def test_both_ends_of_uneven_efforts_are_those_of_mujocos_clamp(joint, actuators, lower, upper):
+    mujoco = pytest.importorskip("mujoco")
+    text = driven(joint, actuators)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*drive the same joint")
+        limits = read(text).joint("ja").limits
+    assert (limits.effort_lower, limits.effort) == (lower, upper)
+    simulated = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(simulated)
+    signs = np.sign(simulated.actuator_gear[:, 0])
+    for side, end in ((-1.0, lower), (1.0, upper)):
+        data.ctrl[:] = 1e6 * side * signs
+        mujoco.mj_forward(simulated, data)
+        assert data.qfrc_actuator[0] == pytest.approx(end, abs=1e-12)
+
+
+@pytest.mark.parametrize(("joint", "actuators", "lower", "upper"), UNEVEN)
+@pytest.mark.filterwarnings("ignore:.*drive the same joint")
+def test_what_the_file_allows_is_feasible_and_nothing_else(joint, actuators, lower, upper):
+    leg = ld.load(driven(joint, actuators))
+    still = [0.0]
+    for end, beyond in ((lower, lower - 1e-6), (upper, upper + 1e-6)):
+        assert leg.feasible(still, still, still, torque=[end])
+        assert leg.feasible(still, still, still, torque=[0.99 * end])
+        assert not leg.feasible(still, still, still, torque=[beyond])
+
+
 @pytest.mark.parametrize(
-    ("joint", "actuators", "effort", "shown"),
+    ("joint", "actuators", "shown"),
     [
-        ("", '<motor name="m" joint="ja" forcerange="-1 4"/>', 1.0, "-1 to 4"),
-        ("", '<motor name="m" joint="ja" forcerange="-1 4" gear="-2"/>', 2.0, "-8 to 2"),
-        ("", '<motor name="m" joint="ja" forcerange="0 3"/>', 0.0, "0 to 3"),
-        ("", '<motor name="m" joint="ja" forcerange="1 3"/>', 0.0, "1 to 3"),
-        ('actuatorfrcrange="-4 5"', '<motor name="m" joint="ja"/>', 4.0, "-4 to 5"),
-        ('actuatorfrcrange="-7 7"', '<motor name="m" joint="ja" forcerange="-9 2"/>', 2.0, "-7 to 2"),
+        ("", '<motor name="m" joint="ja" forcerange="1 3"/>', "1 to 3"),
+        ("", '<motor name="m" joint="ja" forcerange="1 3" gear="-1"/>', "-3 to -1"),
+        # MuJoCo clamps 6 ... 8 to 5.
+        ('actuatorfrcrange="-4 5"', '<motor name="m" joint="ja" forcerange="6 8"/>', "5 to 5"),
     ],
 )
-def test_of_uneven_efforts_the_smaller_is_the_limit(joint, actuators, effort, shown):
-    bodies = f'<body name="a"><joint name="ja" {joint}/>{GEOM}</body>'
-    with pytest.warns(LegDynamicsWarning, match=f"not limited alike both ways .{re.escape(shown)} at joint 'ja'"):
-        description = read(model(bodies, f"<actuator>{actuators}</actuator>"))
-    assert description.joint("ja").limits.effort == effort
-
-
-@pytest.mark.filterwarnings("ignore::leg_dynamics.errors.LegDynamicsWarning")
-def test_nothing_is_feasible_that_the_file_forbids():
-    bodies = f'<body name="a"><joint name="ja" actuatorfrcrange="-4 5"/>{GEOM}</body>'
-    leg = ld.load(model(bodies, '<actuator><motor name="m" joint="ja"/></actuator>'))
+def test_a_range_of_efforts_without_zero_is_a_limit_of_zero(joint, actuators, shown):
+    text = driven(joint, actuators)
+    with pytest.warns(LegDynamicsWarning, match=f"no effort of 0 is possible .{shown} at joint 'ja'"):
+        leg = ld.load(text)
+    limits = leg.description.joint("ja").limits
+    assert (limits.effort_lower, limits.effort) == (0.0, 0.0)
     still = [0.0]
-    assert leg.feasible(still, still, still, torque=[-3.9])
-    assert not leg.feasible(still, still, still, torque=[-4.5])
+    for torque in (-2.0, 2.0):
+        assert not leg.feasible(still, still, still, torque=[torque])
+
+
+def test_an_end_that_is_too_large_for_a_float_is_no_limit():
+    for gear, lower, upper in ((10, -10.0, np.inf), (-10, -np.finfo(float).max, 10.0)):
+        limits = read(driven("", f'<motor joint="ja" gear="{gear}" forcerange="-1 1e308"/>')).joint("ja").limits
+        assert (limits.effort_lower, limits.effort) == (lower, upper)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import itertools
 import math
+import pickle
 import re
 import time
 import tracemalloc
@@ -16,7 +17,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from leg_dynamics.description import Description, independent_joints, parse, read
+from leg_dynamics.description import Description, JointLimits, independent_joints, parse, read
+from leg_dynamics.description.flags import with_independent
 from leg_dynamics.errors import DescriptionError, LegDynamicsWarning, UnsafeXmlError
 
 MODELS = Path(__file__).parents[2].parent / "shared" / "models"
@@ -194,6 +196,14 @@ BROKEN: dict[str, tuple[str, str, str, str | tuple[int]]] = {
     "no izz": ('izz="0.01"', "", "no izz", "ixx"),
     "negative damping": ('damping="0.1"', 'damping="-0.1"', "negative damping", "damping"),
     "negative effort": ('effort="30"', 'effort="-30"', "negative effort", "-30"),
+    "positive effort_lower": (
+        'effort="30"',
+        'effort="30" effort_lower="4"',
+        "positive effort_lower 4 of <limit>",
+        "30",
+    ),
+    "endless effort_lower": ('effort="30"', 'effort="30" effort_lower="-inf"', "effort_lower .* must be finite", "30"),
+    "no effort_lower": ('effort="30"', 'effort="30" effort_lower="low"', "effort_lower .* not decimal", "30"),
     "negative radius": ('radius="0.1"', 'radius="-0.1"', "negative radius", "radius"),
     "two shapes": ("<geometry>", '<geometry><sphere radius="1"/>', "one shape, found 2", "sphere"),
     "lower over upper": ('lower="-1" upper="2"', 'lower="3" upper="2"', "lower limit 3.*upper limit 2", (17,)),
@@ -282,6 +292,31 @@ def test_what_cannot_be_true_is_an_error_with_file_and_line(case: str) -> None:
     line = place[0] if isinstance(place, tuple) else line_of(text, place)
     assert (caught.value.file, caught.value.line) == ("broken.urdf", line)
     assert str(caught.value).startswith(f"broken.urdf:{line}: ")
+
+
+@pytest.mark.parametrize(
+    ("attributes", "lower", "upper"),
+    [
+        ('effort="30" effort_lower="-4"', -4.0, 30.0),
+        ('effort="0" effort_lower="-4"', -4.0, 0.0),
+        ('effort="30" effort_lower="0"', 0.0, 30.0),
+        ('effort="30" effort_lower="-0"', 0.0, 30.0),
+        ('effort="30"', -30.0, 30.0),
+        ('effort="0"', 0.0, 0.0),
+        ('effort_lower="-4"', -4.0, math.inf),
+        ("", -math.inf, math.inf),
+    ],
+)
+def test_efforts_are_limited_each_way(attributes: str, lower: float, upper: float) -> None:
+    arm = parse(changed('effort="30"', attributes))
+    limits = arm.joint("shoulder").limits
+    assert (limits.effort_lower, limits.effort) == (lower, upper)
+    assert math.copysign(1.0, limits.effort_lower) == (-1.0 if lower else 1.0)
+    assert limits == JointLimits(-1.0, 2.0, upper, 5.0, lower)
+    assert (f"effort_lower={lower!r}" in repr(limits), pickle.loads(pickle.dumps(limits))) == (True, limits)
+    rewritten = with_independent(arm, {"shoulder"})
+    assert rewritten is not arm
+    assert rewritten.joint("shoulder").limits == limits
 
 
 @pytest.mark.parametrize("tag", ["loop", "coupling", "transmission", "configuration", "joint", "link"])

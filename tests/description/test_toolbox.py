@@ -55,6 +55,12 @@ def test_either_file_gives_the_loops_and_motors(pair):
     assert read(urdf.with_suffix(".yaml")) == described
 
 
+def test_limits_of_efforts_each_way_stay(pair):
+    described = read(pair(urdf=URDF.replace('effort="1"', 'effort="2" effort_lower="-1"')))
+    limits = described.joint("mot_left").limits
+    assert (limits.effort_lower, limits.effort) == (-1.0, 2.0)
+
+
 @pytest.mark.parametrize(("kind", "expected"), [("'3D'", "spherical"), ("6d", "fixed"), ("'6D'", "fixed")])
 def test_types_of_loops(pair, kind, expected):
     assert read(pair(SIDECAR.replace("'3d'", kind))).loops[0].type == expected

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from leg_dynamics import errors
+from leg_dynamics.description import parse
 from leg_dynamics.description.model import Description
 from leg_dynamics.preview import show_live, still, write_html, write_still
 from leg_dynamics.preview.colours import diverging
@@ -290,6 +291,23 @@ def test_arrow_colours_and_legend_follow_the_clock(
     for time, sign in ((EARLY, -1.0), (LATE, 1.0)):
         red, blue = seen[time][1][..., 0].astype(float), seen[time][1][..., 2].astype(float)
         assert (sign * (red - blue) > 60).sum() > 300
+
+
+def test_the_legend_marks_and_judges_each_end_of_uneven_limits(
+    browser: Any, leg: Description, motion: Any, tmp_path: Path
+) -> None:
+    uneven = parse(leg.urdf.replace('effort="10"', 'effort="0" effort_lower="-1.2"'))
+    efforts = {"hip": motion.times - 1.0, "knee": -1.5 * np.ones_like(motion.times)}
+    page = write_html(uneven, *motion.arguments(), tmp_path / "uneven.html", efforts=efforts).as_uri()
+    over = "[...document.querySelectorAll('#legend .row:not(.ticks-row)')].map(row => row.classList.contains('over'))"
+    for time in (EARLY, LATE):
+        browser.open_page(f"{page}#t={time}")
+        assert browser.evaluate(over) == [time > 1.0, True]
+        assert browser.complaints() == []
+    marks = browser.evaluate("[...document.querySelectorAll('#legend .bar b')].map(each => each.style.left)")
+    assert marks == ["10%", "50%"] * 2  # of a scale from -1.5 to 1.5 N·m
+    notes = browser.evaluate("[...document.querySelectorAll('#legend .note')].map(each => each.textContent)")
+    assert notes == ["limit \N{MINUS SIGN}1.2 to 0"]
 
 
 def test_a_page_without_loads_has_no_legend(browser: Any, page: str) -> None:

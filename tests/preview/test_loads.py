@@ -199,6 +199,27 @@ def test_a_slide_has_its_own_scale_in_newtons(leg: Description) -> None:
     assert force["motors"][0]["limit"] == 100.0
 
 
+@pytest.mark.parametrize(
+    ("efforts", "ends"),
+    [
+        ('effort="10" effort_lower="-4"', (-4.0, 10.0)),
+        ('effort="0" effort_lower="-4"', (-4.0, 0.0)),
+        ('effort="10" effort_lower="0"', (0.0, 10.0)),
+        ('effort_lower="-4"', (-4.0, None)),
+        ('effort="0"', (None, None)),
+    ],
+)
+def test_a_motor_has_both_ends_of_its_joint_s_efforts(leg: Description, efforts: str, ends: Any) -> None:
+    uneven = parse(leg.urdf.replace('effort="10"', efforts))
+    scene = build_scene(
+        uneven, [0.0, 1.0], {}, efforts={"hip": [-3.0, 1.0], "knee": [0.0, 1.0]}, effort_limits={"knee": 6}
+    )
+    (group,) = scene.legend["efforts"]
+    assert [(motor["lower"], motor["limit"]) for motor in group["motors"]] == [ends, (-6.0, 6.0)]
+    # By the larger magnitude of the efforts themselves.
+    assert group["end"] == 3.0
+
+
 def test_no_effort_at_all_has_a_scale_too(leg: Description) -> None:
     scene = build_scene(leg, [0.0], {}, efforts={"hip": [0.0]}, effort_limits={"hip": np.inf})
     (group,) = scene.legend["efforts"]

@@ -180,15 +180,22 @@ def _leg(motion: LimbMotion) -> dict[str, Any]:
     for k, name in enumerate(limb.actuator_names):
         sign = signs[k] if same else 1.0
         ends = sorted(sign * end[k] for end in peaks.stance_effort)
-        limit = float(getattr(limits, "effort", np.full(len(signs), np.inf))[k]) if same else math.inf
+        upper = float(getattr(limits, "effort", np.full(len(signs), np.inf))[k]) if same else math.inf
+        lower = float(limits.effort_lower[k]) if same and hasattr(limits, "effort_lower") else -upper
+        # In the signs of the robot's file, where a mirrored leg's joint may turn the other way than its model's.
+        least, most = sorted((sign * lower + 0.0, sign * upper + 0.0))  # no negative zero
+        values = sign * motion.effort[:, k] + 0.0
+        low, high = float(values.min()), float(values.max())
         efforts.append(
             {
                 "actuator": name,
                 "unit": effort_units[k],
                 "effort": float(sign * peaks.effort[k]),
                 "stance_effort": [float(end) for end in ends],
-                "effort_limit": _finite(limit),
-                "effort_within_limit": bool(abs(peaks.effort[k]) <= limit),
+                "effort_range": [low, high],
+                "effort_lower_limit": _finite(least),
+                "effort_limit": _finite(most),
+                "effort_within_limit": bool(least <= low and high <= most),
                 "power [W]": float(peaks.power[k]),
             }
         )
@@ -202,15 +209,25 @@ def _drives(legs: list[dict[str, Any]]) -> dict[str, Any]:
     for what, key, word in (("speed", "joint", "too fast"), ("effort", "actuator", "too strong")):
         beyond = [row for row in rows if key in row and not row[f"{what}_within_limit"]]
         if beyond:
-            worst = max(beyond, key=lambda row: abs(row[what]) / row[f"{what}_limit"])
+            (_, _, value, limit), worst = max(((_excess(row, what), row) for row in beyond), key=lambda pair: pair[0])
             unit = worst["unit"] + ("/s" if what == "speed" else "")
             failing.append(
                 f"{len(beyond)} {key}{'s are' if len(beyond) > 1 else ' is'} {word}, the worst is {worst[key]} with "
-                f"{abs(worst[what]):.4g} {unit} where {worst[f'{what}_limit']:.4g} {unit} are allowed"
+                f"{value:.4g} {unit} where {limit:.4g} {unit} are allowed"
             )
     remedy = "take a longer period, a shorter stride or a lower clearance, or stronger drives"
     sentence = f"the drives CANNOT do this gait: {'; '.join(failing)}; {remedy}" if failing else ""
     return {"drives_suffice": not failing, "verdict": sentence or "speeds and efforts are within the drives' limits"}
+
+
+def _excess(row: Mapping[str, Any], what: str) -> tuple[float, float, float, float]:
+    """Of the limit that a drive breaks most: value over limit, the value's magnitude, the value and the limit."""
+    if what == "speed":
+        ends = [(abs(row["speed"]), row["speed_limit"])]
+    else:
+        sides = zip(row["effort_range"], (row["effort_lower_limit"], row["effort_limit"]), (-1.0, 1.0), strict=True)
+        ends = [(value, limit) for value, limit, side in sides if limit is not None and side * (value - limit) > 0.0]
+    return max((value / limit if limit else math.inf, abs(value), value, limit) for value, limit in ends)
 
 
 def _units(limb: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -32,7 +32,7 @@ class GaitLeg(Protocol):
 
     @property
     def limits(self) -> Any:
-        """With `lower`, `upper`, `velocity` and `effort`, each of shape (n,)."""
+        """With `lower`, `upper`, `velocity`, `effort` and, where it is not -effort, `effort_lower`, each (n,)."""
         ...
 
     def foot_position(self, q: Any) -> Any:
