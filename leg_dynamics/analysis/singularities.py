@@ -28,6 +28,8 @@ __all__ = ["Singularity", "SingularityDistance", "singularity", "singularity_dis
 SINGULAR = 1e-6
 """A singular value below this share of the largest counts as zero: the pose is singular."""
 
+# Neighbours of home, rad or characteristic lengths, at which the foot's usual freedom is looked for.
+_RANK_POSES, _SPREAD = 6, 0.1
 _SHOWN = 0.05
 """Entries of a direction below that share of the largest are not named."""
 
@@ -169,10 +171,9 @@ def singularity(leg: Leg, q: ArrayLike, *, characteristic_length: float | None =
             turning = np.array([unit == "rad" for unit in leg.units.joints])
             scale = np.where(turning, 1.0 / length, 1.0)
             left, sigma, _ = np.linalg.svd(J * scale)
-            rank = min(J.shape)
+            usual, rank = _usual_foot_motion(leg, scale, sigma)
             # With one coordinate nothing else tells what is small: home does.
-            usual = np.linalg.svd(leg.jacobian(leg.home, on_error="nan") * scale, compute_uv=False).max(initial=0.0)
-            serial = _share(sigma, rank, usual if len(sigma) == 1 and np.isfinite(usual) else 0.0)
+            serial = _share(sigma, rank, usual if len(sigma) == 1 else 0.0)
             directions["serial"] = _direction(("x", "y", "z"), left[:, rank - 1])
             sign = int(np.sign(np.linalg.det(J))) if J.shape == (3, 3) else 1
         else:
@@ -190,6 +191,23 @@ def singularity(leg: Leg, q: ArrayLike, *, characteristic_length: float | None =
     if rows.matrix.size and not {"parallel", "constraint"} & set(kinds):
         kinds += _refused_kinds(_refusal(leg, q) if refused is None else refused, values, directions)
     return Singularity(tuple(kinds), serial, parallel, constraint, sign, length, directions)
+
+
+def _usual_foot_motion(leg: Leg, scale: np.ndarray, sigma: np.ndarray) -> tuple[float, int]:
+    """Largest singular value of the foot Jacobian at home, 0 where it has none, and its rank at most poses.
+
+    A leg that moves in a plane has rank 2, however many its coordinates are. `sigma` are the values at the pose asked
+    for, which counts as well.
+    """
+    home = leg.home
+    generator = np.random.default_rng(0)
+    unit = np.array([1.0 if unit == "rad" else 1.0 / s for unit, s in zip(leg.units.joints, scale, strict=True)])
+    around = _SPREAD * unit * generator.uniform(-1.0, 1.0, (_RANK_POSES, len(home)))
+    found = leg.jacobian(home + np.vstack([np.zeros(len(home)), around]), on_error="nan") * scale
+    finite = np.isfinite(found).all(axis=(1, 2))
+    values = np.linalg.svd(found[finite], compute_uv=False)
+    ranks = [int(np.count_nonzero(each > SINGULAR * each.max(initial=0.0))) for each in (*values, sigma)]
+    return float(values[0].max()) if finite[0] else 0.0, max(1, *ranks)
 
 
 def _positive(length: float) -> float:

@@ -216,7 +216,7 @@ def _read(path: Path, tree: Description) -> Toolbox:
 
     pairs = sections["closed_loop"].sequence() if "closed_loop" in sections else []
     kinds = sections["type"].sequence() if "type" in sections else []
-    if kinds and len(kinds) != len(pairs):
+    if "type" in sections and len(kinds) != len(pairs):
         raise sections["type"].error(f"type has {len(kinds)} entries for {len(pairs)} closed loops: give one each")
     loops = []
     for number, pair in enumerate(pairs):

@@ -11,7 +11,6 @@ from scipy.optimize import least_squares
 
 from leg_dynamics.errors import AssemblyError, LegDynamicsWarning, SingularityError
 from leg_dynamics.mechanism.mobility import ROUNDED_ADVICE, ROUNDED_SHARE, check_independent, wrong_independent
-from leg_dynamics.mechanism.rounded import open_loops
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Configuration
@@ -114,7 +113,7 @@ def find_seeds(mechanism: Mechanism) -> tuple[ClosedState, ...]:
     seeds = _seeds_of(mechanism)
     gap = mechanism.gap
     if gap > SAID_GAP:
-        loops = ", ".join(open_loops(mechanism, seeds[0].q)[:SHOWN])
+        loops = ", ".join(mechanism.rounding.loops[:SHOWN])
         warnings.warn(
             f"{mechanism.description.file}: the numbers are rounded, and loops ({loops}) that say a thing more than "
             f"once contradict each other: they stay open by up to {gap:.2g} rad or {gap * mechanism.closure.length:.2g}"

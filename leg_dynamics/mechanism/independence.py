@@ -12,8 +12,8 @@ from leg_dynamics.description.topology import split_independent
 from leg_dynamics.errors import DescriptionError
 from leg_dynamics.mechanism.assembly import configuration_coordinates
 from leg_dynamics.mechanism.mechanism import Mechanism
-from leg_dynamics.mechanism.mobility import ROUNDED_ADVICE, pose_rank, project
-from leg_dynamics.mechanism.rounded import doubtful_share
+from leg_dynamics.mechanism.mobility import ROUNDED_ADVICE, is_clear, pose_rank, project
+from leg_dynamics.mechanism.rounded import closing_gap, doubtful_share
 
 if TYPE_CHECKING:
     from leg_dynamics.description.model import Description
@@ -56,12 +56,22 @@ def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] 
     own, _ = split_independent(description)
     # Only the closed poses of this one are used, and those do not depend on its flags.
     mechanism = Mechanism(with_independent(description, movable))
+    driven = {transmission.joint for transmission in description.transmissions}
+    home = description.home
+    mechanism.rounding = closing_gap(
+        mechanism,
+        configuration_coordinates(mechanism, {} if home is None else dict(home.values)),
+        [len(each) for each in ((own if stated else ()), driven) if each],
+    )
     poses = _closed_poses(mechanism, np.random.default_rng(seed))
     if not poses:
         return None
+    ranks = [pose_rank(mechanism, q, "pose") for q in poses]
+    clear = [number for number, each in enumerate(ranks) if is_clear(mechanism, each)]
+    if clear:
+        poses, ranks = [poses[number] for number in clear], [ranks[number] for number in clear]
     unit = mechanism.closure.coordinate_unit
     rows = [mechanism.evaluate(q).jacobian * unit for q in poses]
-    ranks = [pose_rank(mechanism, q, "pose") for q in poses]
     rank = max(each.rank for each in ranks)
     names = mechanism.tree.joint_names
     dependent = np.array([k for k, name in enumerate(names) if name not in own], dtype=np.intp)
@@ -69,7 +79,7 @@ def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] 
     if len(dependent) == rank and _usual(rows, dependent, rank) > regular:
         return None
     share = min(doubtful_share(mechanism, q) for q in poses)
-    if share > mechanism.rank_share:
+    if share > mechanism.rank_share and not mechanism.rounding.exact:
         raise DescriptionError(
             f"the loops' rows leave {len(names) - rank} motions, but one of the rows counts by {share:.3g} of the "
             f"largest only, as where {ROUNDED_ADVICE}",
@@ -77,7 +87,6 @@ def independent_set(description: Description, seed: int = 0) -> tuple[str, ...] 
             mobility=len(names) - rank,
             share=share,
         )
-    driven = {transmission.joint for transmission in description.transmissions}
     # What is taken as dependent first stands first.
     groups: list[list[int]] = [[], [], [], [], []]
     for k, name in enumerate(names):

@@ -33,6 +33,7 @@ from leg_dynamics.mechanism.closure import Closure, ClosureRows
 from leg_dynamics.mechanism.tree import STANDARD_GRAVITY, FrameMemory, Tree, create_data
 
 if TYPE_CHECKING:
+    from leg_dynamics.mechanism.rounded import Gap
     from leg_dynamics.mechanism.singular import Singular
 
 __all__ = ["ClosedState", "LoopForces", "Mechanism"]
@@ -46,6 +47,8 @@ RESIDUAL_TOLERANCE = 1e-10
 # each other count by that many times as much.
 GAP_TOLERANCE = 10.0
 GAP_SHARE = 30.0
+# Elsewhere they may count by that many times as much as at the poses that were tried, and never by more than this.
+SHARES, GREATEST_SHARE = 10.0, 2e-2
 POLISH = 1e-13
 NEWTON_ITERATIONS = 12
 CONTINUATION_STEP = 0.3
@@ -654,13 +657,19 @@ class Mechanism:
         return place(solution.x)
 
     @cached_property
-    def gap(self) -> float:
-        """Residual that rounding of the file's numbers leaves in the loops, rad or shares of `Closure.length`, or 0."""
+    def rounding(self) -> Gap:
+        """What rounding of the file's numbers leaves of the loops. May be set before it is first asked for."""
         from leg_dynamics.mechanism.assembly import configuration_coordinates
         from leg_dynamics.mechanism.rounded import closing_gap
 
         home = self.description.home
-        return closing_gap(self, configuration_coordinates(self, {} if home is None else dict(home.values)))
+        start = configuration_coordinates(self, {} if home is None else dict(home.values))
+        return closing_gap(self, start, (self.n,))
+
+    @property
+    def gap(self) -> float:
+        """Residual that rounding of the file's numbers leaves in the loops, rad or shares of `Closure.length`, or 0."""
+        return self.rounding.residual
 
     @cached_property
     def tolerance(self) -> float:
@@ -670,7 +679,7 @@ class Mechanism:
     @cached_property
     def rank_share(self) -> float:
         """Singular values of the rows that are smaller than this, relative to the largest, count as zero."""
-        return max(RANK_TOLERANCE, GAP_SHARE * self.gap)
+        return max(RANK_TOLERANCE, min(max(GAP_SHARE * self.gap, SHARES * self.rounding.share), GREATEST_SHARE))
 
     @property
     def seeds(self) -> tuple[ClosedState, ...]:

@@ -16,6 +16,7 @@ __all__ = [
     "MobilityReport",
     "PoseRank",
     "check_independent",
+    "is_clear",
     "mobility_report",
     "pose_rank",
     "project",
@@ -134,6 +135,11 @@ def pose_rank(mechanism: Mechanism, q: np.ndarray, pose: str) -> PoseRank:
     )
 
 
+def is_clear(mechanism: Mechanism, rank: PoseRank) -> bool:
+    """Whether a rank tells anything: beside a singular pose, rows that only rounding makes count by more than usual."""
+    return not mechanism.gap or rank.gap[0] >= SUSPECT_SHARE
+
+
 def project(mechanism: Mechanism, q: np.ndarray, *, exactly: bool = False) -> np.ndarray | None:
     """A closed pose near q (nv,) by minimum-norm Newton over all joints, independent ones too; None where it fails.
 
@@ -166,7 +172,8 @@ def _neighbours(mechanism: Mechanism, q: np.ndarray, seed: int = 0, count: int =
         moved = q + NEIGHBOUR * mechanism.closure.coordinate_unit * generator.standard_normal(mechanism.nv)
         closed = project(mechanism, moved)
         if closed is not None:
-            ranks.append(pose_rank(mechanism, closed, f"near home {len(ranks) + 1}"))
+            rank = pose_rank(mechanism, closed, f"near home {len(ranks) + 1}")
+            ranks += [rank] if is_clear(mechanism, rank) else []
         if len(ranks) == count:
             break
     return ranks
@@ -298,7 +305,8 @@ def mobility_report(mechanism: Mechanism, samples: int = 20, seed: int = 0) -> M
         except (AssemblyError, SingularityError) as error:
             failure = error
             continue
-        random_poses.append(pose_rank(mechanism, state.q, f"random {len(random_poses) + 1}"))
+        rank = pose_rank(mechanism, state.q, f"random {len(random_poses) + 1}")
+        random_poses += [rank] if is_clear(mechanism, rank) else []
     # Coordinates drawn alone seldom close where loops leave idle motions: then all joints move, from home.
     if len(random_poses) < samples:
         random_poses += _neighbours(mechanism, start, seed, samples - len(random_poses))

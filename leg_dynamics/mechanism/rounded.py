@@ -7,6 +7,8 @@ found by leaving out the rows that count by no more than that, and poses are tho
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +16,7 @@ import numpy as np
 if TYPE_CHECKING:
     from leg_dynamics.mechanism.mechanism import Mechanism
 
-__all__ = ["GREATEST_GAP", "closing_gap", "doubtful_share", "open_loops", "settle"]
+__all__ = ["GREATEST_GAP", "Gap", "closing_gap", "doubtful_share", "open_loops", "settle"]
 
 # Residuals, rad or shares of the mechanism's length: above this they are no rounding.
 GREATEST_GAP = 3e-4
@@ -22,6 +24,8 @@ GREATEST_GAP = 3e-4
 # making, and below that they are zero.
 DOUBTFUL_SHARE = 3e-3
 ZERO_SHARE = 1e-9
+# Of exactly closed poses: numbers with four digits make rows that count by less.
+SMALL_SHARE = 3e-4
 SHORTEST = 1e-3
 NEIGHBOURS = 6
 SPREAD = 0.2
@@ -79,8 +83,33 @@ def settle(mechanism: Mechanism, q: np.ndarray, share: float) -> tuple[np.ndarra
     return None
 
 
-def closing_gap(mechanism: Mechanism, start: np.ndarray, seed: int = 0) -> float:
-    """Largest residual that the loops keep at their best poses, rad or shares of `Closure.length`.
+@dataclass(frozen=True)
+class Gap:
+    """What rounding of a file's numbers leaves of its loops.
+
+    Attributes
+    ----------
+    residual : float
+        Largest residual that the loops keep at their best poses, rad or shares of `Closure.length`.
+    share : float
+        Rows that contradict each other count by no more than this, relative to the largest singular value.
+    loops : tuple of str
+        Loops and couplings that keep most of the residual.
+    exact : bool
+        Whether rows that count by little are known to be meant.
+    """
+
+    residual: float = 0.0
+    share: float = 0.0
+    loops: tuple[str, ...] = ()
+    exact: bool = False
+
+
+def closing_gap(mechanism: Mechanism, start: np.ndarray, meant: Collection[int] = (), seed: int = 0) -> Gap:
+    """Whether rounding keeps the loops from closing, and by how much.
+
+    Where they close to the last digit, rows that count by little may still be rounding's: a mechanism of two motions
+    can keep one that is exact. Then the number of motions that is meant decides, and where that is neither, the size.
 
     Parameters
     ----------
@@ -88,35 +117,70 @@ def closing_gap(mechanism: Mechanism, start: np.ndarray, seed: int = 0) -> float
         Only its rows are used, not what is independent.
     start : (nv,) array
         Tree coordinates near closed ones.
+    meant : collection of int
+        Numbers of motions that the file speaks for, the surest first: of flags, of drives.
     seed : int
         Of the poses that are tried.
 
     Returns
     -------
-    float
-        0 where the loops close to the last digit, or not even nearly.
+    Gap
+        Zero where the loops close to the last digit, or not even nearly.
     """
     if not mechanism.closure.loops:
-        return 0.0
+        return Gap()
     from leg_dynamics.mechanism.mobility import project
 
     generator = np.random.default_rng(seed)
     unit = mechanism.closure.coordinate_unit
     guesses = [start, *(start + SPREAD * unit * generator.standard_normal(mechanism.nv) for _ in range(NEIGHBOURS))]
+    closed = []
     for guess in guesses:
-        closed = project(mechanism, guess, exactly=True)
-        if closed is not None and not doubtful_share(mechanism, closed):
-            return 0.0
+        pose = project(mechanism, guess, exactly=True)
+        if pose is not None:
+            if not doubtful_share(mechanism, pose):
+                return Gap()
+            closed.append(pose)
+    if closed and _is_exact(mechanism, closed, meant):
+        return Gap(exact=True)
     lower, upper = mechanism.search_box()
     guesses += [generator.uniform(lower, upper) for _ in range(ATTEMPTS)]
-    gaps = []
+    found: list[tuple[float, np.ndarray]] = []
     for guess in guesses:
         settled = settle(mechanism, guess, DOUBTFUL_SHARE)
         if settled is not None and settled[1] <= GREATEST_GAP:
-            gaps.append(settled[1])
-        if len(gaps) > NEIGHBOURS:
+            found.append((settled[1], settled[0]))
+        if len(found) > NEIGHBOURS:
             break
-    return max(gaps, default=0.0)
+    residual, worst = max(found, key=lambda each: each[0], default=(0.0, start))
+    if not residual:
+        return Gap()
+    return Gap(residual, max(_smallest_shares(mechanism, pose) for _, pose in found), open_loops(mechanism, worst))
+
+
+def _smallest_shares(mechanism: Mechanism, q: np.ndarray) -> float:
+    """Largest of the singular values that rounding may have made, relative to the largest of all."""
+    K = mechanism.evaluate(q).jacobian * mechanism.closure.coordinate_unit
+    sigma = np.linalg.svd(K, compute_uv=False)
+    share = sigma / max(1.0, float(sigma.max(initial=0.0)))
+    return float(share[share < DOUBTFUL_SHARE].max(initial=0.0))
+
+
+def _is_exact(mechanism: Mechanism, closed: list[np.ndarray], meant: Collection[int]) -> bool:
+    """Whether rows that count by little at exactly closed poses are meant to count."""
+    # Of the poses that tell most; at the others a motion more may be free.
+    counts = []
+    for q in closed:
+        sigma = np.linalg.svd(_scaled(mechanism, q)[1], compute_uv=False)
+        share = sigma / max(1.0, float(sigma.max(initial=0.0)))
+        counts.append([mechanism.nv - int(np.count_nonzero(share > least)) for least in (ZERO_SHARE, DOUBTFUL_SHARE)])
+    exact, nearly = np.min(counts, axis=0).tolist()
+    if exact == 0:
+        return False
+    for number in meant:
+        if number in (exact, nearly):
+            return bool(number == exact)
+    return bool(max(doubtful_share(mechanism, q) for q in closed) > SMALL_SHARE)
 
 
 def open_loops(mechanism: Mechanism, q: np.ndarray) -> tuple[str, ...]:

@@ -29,6 +29,8 @@ REACH_ITERATIONS = 100
 LARGEST_JOINT_STEP = 0.2
 # Other starting poses where the descent from the configuration gets stuck.
 RESTARTS = 6
+# Neighbours of home at which the foot Jacobian's usual rank is looked for.
+RANK_POSES = 6
 THOROUGH_RESTARTS = 24
 # Steps in a row that may fail before a descent counts as stuck.
 REJECTIONS = 12
@@ -608,7 +610,7 @@ class PinocchioRoute:
                 before, J = J, mechanism.foot_jacobian(state)
                 if sided and _crosses_singularity(before, J):
                     break
-                if not _is_singular(J):
+                if not self._is_singular(J):
                     found.append((number, state.y, mechanism.foot_position(state)))
         self._known_ways[key] = ways = _Ways(
             np.array([number for number, _, _ in found], dtype=np.intp),
@@ -620,11 +622,28 @@ class PinocchioRoute:
 
     def _has_sides(self, J: np.ndarray) -> bool:
         """Whether singular poses part a leg with such a foot Jacobian, (3, n), into branches."""
-        return J.shape[1] <= 3 and not _is_singular(J)
+        return J.shape[1] <= self._usual_rank and not self._is_singular(J)
+
+    @cached_property
+    def _usual_rank(self) -> int:
+        """Rank of the foot Jacobian at most poses: 2 of a leg that moves in a plane, whatever its coordinates."""
+        mechanism = self.mechanism
+        home = mechanism.seeds[0]
+        generator = np.random.default_rng(0)
+        unit = mechanism.closure.coordinate_unit[mechanism.independent]
+        ranks = [_rank(mechanism.foot_jacobian(home))]
+        for _ in range(RANK_POSES):
+            beside = mechanism.neighbour(home, home.y + 0.1 * unit * generator.uniform(-1.0, 1.0, mechanism.n))
+            if beside is not None:
+                ranks.append(_rank(mechanism.foot_jacobian(beside)))
+        return max(ranks)
+
+    def _is_singular(self, J: np.ndarray) -> bool:
+        return _rank(J) < self._usual_rank
 
     def _regular(self, state: ClosedState) -> ClosedState:
         """The pose, or where its foot Jacobian is singular, one beside it."""
-        if not _is_singular(self.mechanism.foot_jacobian(state)):
+        if not self._is_singular(self.mechanism.foot_jacobian(state)):
             return state
         return self.mechanism.close(self._leave_singular(state.y))
 
@@ -689,8 +708,8 @@ class PinocchioRoute:
         return y + 0.3 * (0.5 * (lower + upper) - y) + 0.01
 
 
-def _is_singular(J: np.ndarray) -> bool:
-    return bool(np.linalg.matrix_rank(J, tol=1e-6 * max(1.0, float(np.abs(J).max()))) < min(J.shape))
+def _rank(J: np.ndarray) -> int:
+    return int(np.linalg.matrix_rank(J, tol=1e-6 * max(1.0, float(np.abs(J).max()))))
 
 
 def _crosses_singularity(before: np.ndarray, after: np.ndarray) -> bool:

@@ -223,7 +223,8 @@ def crosscheck_legs(
         quantity = f"energy of a {swing.seconds:.3g} s free swing"
         measure = "relative to the largest kinetic energy"
         detail = f"the swing ended early: {swing.stopped}" if swing.stopped else ""
-        checks.append(check(group, quantity, energy_drift(leg, swing), ENERGY_TOLERANCE, leg, swing.q, measure, detail))
+        allowed = max(ENERGY_TOLERANCE, 10.0 * leg.loop_gap)
+        checks.append(check(group, quantity, energy_drift(leg, swing), allowed, leg, swing.q, measure, detail))
         if leg is not legs[-1]:
             still = np.zeros((1, len(leg.actuator_names)))
             errors = relative(

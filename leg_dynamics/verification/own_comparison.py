@@ -180,7 +180,8 @@ class _Comparison:
         nowhere = dict.fromkeys(self.leg.joint_names, np.nan)
         for name, kind in self.formulas.not_callable.items():
             if name not in self.called:
-                self.formulas.notes.append(f"{name} is no method but {kind}, and was left out")
+                if kind != "NoneType":
+                    self.formulas.notes.append(f"{name} is no method but {kind}, and was left out")
                 continue
             yield OwnCheck(
                 "against the file",

@@ -248,10 +248,10 @@ class OwnFormulas:
     def _methods(self, own: Any) -> Iterator[tuple[str, _Method]]:
         for name in METHODS:
             function = _attribute(own, name)
-            if function is None:
-                continue
             if not callable(function):
-                self.not_callable[name] = type(function).__name__
+                # None may say that a method is not there; where another one calls it, it is missed.
+                if function is not None or name in vars(type(own)) or name in getattr(own, "__dict__", {}):
+                    self.not_callable[name] = type(function).__name__
                 continue
             try:
                 signature = inspect.signature(function)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from leg_dynamics.analysis.loop_rows import loop_rows
 from leg_dynamics.analysis.singularities import singularity, singularity_distance
 from leg_dynamics.errors import AssemblyError, NonFiniteError, ParameterError, ShapeError, SingularityError
 
+from ..three_rpr import three_rpr
 from . import workspace_legs as legs
 
 
@@ -140,3 +143,26 @@ def test_what_is_no_leg_is_refused(other):
 def test_a_length_that_is_no_number_is_refused(length):
     with pytest.raises(ShapeError, match="characteristic_length"):
         singularity(ld.load("omnileg"), [0.1, 0.2, 0.3], characteristic_length=length)
+
+
+@pytest.mark.parametrize("route", ["pinocchio", "symbolic"])
+def test_a_leg_in_a_plane_is_regular_with_three_coordinates(route):
+    """Its foot moves in a plane only: the third direction is none that a pose has lost."""
+    leg = ld.load(three_rpr((0.872, 3.103)), route=route, foot="platform")
+    found = ld.singularity(leg, leg.home)
+    assert found.kinds == ()
+    assert found.serial > 0.1
+
+
+def test_a_home_without_a_foot_jacobian_is_no_obstacle(tmp_path):
+    """Nearly singular, so that the Jacobian is refused there."""
+    text = (Path(__file__).parents[2] / "examples" / "my_leg.urdf").read_text(encoding="utf-8")
+    gap = 1e-5
+    values = {"theta1": 0.6, "theta2": 0.6 - gap, "knee": -gap, "crank_pin": gap}
+    home = "".join(f'<joint name="{name}" value="{value!r}"/>' for name, value in values.items())
+    start = text.index("<configuration")
+    text = text[:start] + f'<configuration name="home">{home}</configuration></robot>'
+    text = re.sub(r'upper="-0\.5"', 'upper="1"', text)
+    leg = ld.load(text, route="pinocchio")
+    assert np.isnan(leg.jacobian(leg.home, on_error="nan")).all()
+    assert ld.singularity(leg, [0.6, -0.9]).kinds == ()

@@ -8,7 +8,6 @@ struts from a pose are distances.
 from __future__ import annotations
 
 import itertools
-import math
 
 import numpy as np
 import pytest
@@ -18,11 +17,8 @@ import leg_dynamics as ld
 from leg_dynamics.analysis.trajectories import Trajectory, torque_along
 from leg_dynamics.errors import LegDynamicsError
 
-BASE = np.array([[0.0, 0.0], [1.591, 0.0], [0.0, 1.0]])
-STRUT = 1.498
-SIDES = (1.704, 1.654, 2.084)
-_CORNER = math.acos((SIDES[0] ** 2 + SIDES[2] ** 2 - SIDES[1] ** 2) / (2.0 * SIDES[0] * SIDES[2]))
-PLATFORM = np.array([[0.0, 0.0], [SIDES[0], 0.0], [SIDES[2] * math.cos(_CORNER), SIDES[2] * math.sin(_CORNER)]])
+from ..three_rpr import corners, struts, three_rpr
+
 # Direction of the first strut and of the platform, rad, around the cusp; the first strut keeps its length.
 _PAIRS = (
     "0.872 3.103 1.082 3.124 1.274 3.246 1.484 3.351 1.676 3.508 1.885 3.718 2.077 3.910 2.286 4.119 2.478 4.311 "
@@ -33,54 +29,11 @@ STEPS = 25
 GRAVITY = (0.0, -9.81, 0.0)
 
 
-def corners(pose):
-    strut, turn = pose
-    R = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
-    return STRUT * np.array([math.cos(strut), math.sin(strut)]) + PLATFORM @ R.T
-
-
-def struts(pose):
-    return np.linalg.norm(corners(pose) - BASE, axis=1)
-
-
 def determinant(pose):
     """Of the other two struts' lengths by the pose."""
     step = 1e-6
     moved = [struts(pose + step * axis)[1:] - struts(pose - step * axis)[1:] for axis in np.eye(2)]
     return np.linalg.det(np.array(moved) / (2.0 * step))
-
-
-def text(pose):
-    directions = [math.atan2(*(corner - foot)[::-1]) for corner, foot in zip(corners(pose), BASE, strict=True)]
-    parts, values = ['<robot name="platform"><link name="base"/>'], {}
-    inertial = (
-        '<inertial><origin xyz="{} {} 0"/><mass value="{}"/>'
-        '<inertia ixx="0.01" iyy="0.02" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial>'
-    )
-    for k, (x, y) in enumerate(BASE):
-        parts.append(
-            f'<link name="sleeve{k}">{inertial.format(0.2, 0, 0.5 + k)}</link>'
-            f'<link name="rod{k}">{inertial.format(-0.2, 0, 0.4)}</link>'
-            f'<joint name="turn{k}" type="continuous" independent="false"><parent link="base"/>'
-            f'<child link="sleeve{k}"/><origin xyz="{x} {y} 0"/><axis xyz="0 0 1"/></joint>'
-            f'<joint name="strut{k}" type="prismatic" independent="true"><parent link="sleeve{k}"/>'
-            f'<child link="rod{k}"/><axis xyz="1 0 0"/><limit lower="0" upper="6" effort="30" velocity="20"/></joint>'
-        )
-        values |= {f"turn{k}": directions[k], f"strut{k}": struts(pose)[k]}
-    values["tilt"] = pose[1] - directions[0]
-    parts.append(
-        f'<link name="platform">{inertial.format(0.5, 0.3, 1.2)}</link>'
-        '<joint name="tilt" type="continuous" independent="false"><parent link="rod0"/><child link="platform"/>'
-        '<axis xyz="0 0 1"/></joint>'
-    )
-    for k in (1, 2):
-        x, y = PLATFORM[k]
-        parts.append(
-            f'<loop name="corner{k}" type="revolute"><predecessor link="platform"><origin xyz="{x} {y} 0"/>'
-            f'</predecessor><successor link="rod{k}"/><axis xyz="0 0 1"/></loop>'
-        )
-    stated = "".join(f'<joint name="{name}" value="{float(value)!r}"/>' for name, value in values.items())
-    return "".join(parts) + f'<configuration name="home">{stated}</configuration></robot>'
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +57,7 @@ def place(leg, y):
 @pytest.mark.parametrize("route", ["pinocchio", "symbolic"])
 @pytest.mark.parametrize("how", ["one by one", "in a batch"])
 def test_a_way_around_a_cusp_leaves_the_leg_in_its_mode(way, route, how):
-    leg = ld.load(text(way[0]), route=route, foot="platform")
+    leg = ld.load(three_rpr(way[0]), route=route, foot="platform")
     y = np.array([struts(pose) for pose in way])
     idle = np.zeros(3)
     before = leg.torque(y[0], idle, idle, gravity=GRAVITY)
@@ -120,8 +73,8 @@ def test_a_way_around_a_cusp_leaves_the_leg_in_its_mode(way, route, how):
 def test_rows_do_not_depend_on_their_neighbours(way):
     y = np.array([struts(pose) for pose in way])
     order = np.random.default_rng(0).permutation(len(y))
-    fresh = ld.load(text(way[0]), route="pinocchio", foot="platform")
-    mixed = ld.load(text(way[0]), route="pinocchio", foot="platform")
+    fresh = ld.load(three_rpr(way[0]), route="pinocchio", foot="platform")
+    mixed = ld.load(three_rpr(way[0]), route="pinocchio", foot="platform")
     along = fresh.foot_position(y, on_error="nan")
     other = np.empty_like(along)
     other[order] = mixed.foot_position(y[order], on_error="nan")
@@ -137,7 +90,7 @@ def test_rows_do_not_depend_on_their_neighbours(way):
 
 
 def test_a_trajectory_around_a_cusp_is_refused(way):
-    leg = ld.load(text(way[0]), route="pinocchio", foot="platform")
+    leg = ld.load(three_rpr(way[0]), route="pinocchio", foot="platform")
     y = np.array([struts(pose) for pose in way])
     motion = Trajectory(np.linspace(0.0, 1.0, len(y)), y, np.zeros_like(y), np.zeros_like(y))
     with pytest.raises(LegDynamicsError, match=r"assembly mode was followed to|another assembly mode"):

@@ -12,6 +12,8 @@ from leg_dynamics.description import parse
 from leg_dynamics.errors import BranchError, JointLimitError, OutOfReachError, RowFailures
 from leg_dynamics.mechanism.route import PinocchioRoute, _crosses_singularity
 
+from ..three_rpr import three_rpr
+
 LIMIT = math.radians(70.0)
 BACK_POINT = [0.075, 0.0, 0.0]
 """Only a hip that is turned away from the foot reaches it."""
@@ -191,3 +193,15 @@ def test_two_singularities_at_once_are_two():
     assert _crosses_singularity(before, np.diag([1.0, 1.0, -0.1]))
     # The determinant keeps its sign.
     assert _crosses_singularity(before, np.diag([1.0, -0.1, -0.1]))
+
+
+@pytest.mark.parametrize("route", ["pinocchio", "symbolic"])
+def test_a_leg_in_a_plane_with_three_coordinates(route):
+    """Of them one is free: the home pose, and its neighbours, are regular."""
+    leg = ld.load(three_rpr((0.872, 3.103)), route=route, foot="platform")
+    p = leg.foot_position(leg.home)
+    np.testing.assert_allclose(leg.inverse_kinematics(p), leg.home, atol=1e-9)
+    beside = p + np.array([0.004, -0.005, 0.0])
+    np.testing.assert_allclose(leg.foot_position(leg.inverse_kinematics(beside)), beside, atol=1e-9)
+    with pytest.raises(OutOfReachError, match=r"0\.01 m away"):
+        leg.inverse_kinematics(p + np.array([0.0, 0.0, 0.01]))

@@ -215,8 +215,112 @@ def test_the_pose_of_smallest_gap_has_no_slope():
     assert found is not None
     rows = mechanism.evaluate(found[0])
     assert 0.0 < found[1] <= 2.0 * mechanism.gap
-    assert closing_gap(mechanism, found[0]) == pytest.approx(mechanism.gap, rel=3.0)
+    assert closing_gap(mechanism, found[0]).residual == pytest.approx(mechanism.gap, rel=3.0)
     # Along the two directions that count.
     left, sigma, _ = np.linalg.svd(rows.jacobian * mechanism.closure.coordinate_unit, full_matrices=False)
     assert np.abs(left[:, :2].T @ rows.residual).max() < 1e-10
     assert sigma[2] < 1e-3 < sigma[1]
+
+
+def parallelogram(cranks, crank, digits=None, seed=1, loop="revolute", flags=True, drives=1):
+    """A rod on `cranks` cranks, 1 m apart, its frames turned at random: one loop for each crank after the first."""
+    generator = np.random.default_rng(seed)
+    rotations = [Rotation.random(random_state=generator) for _ in range(cranks + 1)]
+    rod, arms = rotations[0], rotations[1:]
+
+    def numbers(values):
+        return " ".join(repr(float(x)) if digits is None else f"{x:.{digits}f}" for x in values)
+
+    def frame(rotation, place, turned):
+        return f'<origin xyz="{numbers(rotation.inv().apply(place))}" rpy="{numbers(turned.as_euler("xyz"))}"/>'
+
+    def joint(name, parent, child, origin, axis, independent):
+        flag = f' independent="{independent}"' if flags else ""
+        return (
+            f'<joint name="{name}" type="continuous"{flag}><parent link="{parent}"/><child link="{child}"/>{origin}'
+            f'<axis xyz="{numbers(axis)}"/></joint>'
+        )
+
+    axis = np.array([0.0, 0.0, 1.0])
+    inertial = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    identity = Rotation.identity()
+    # All point along y at home.
+    tip = np.array([0.0, crank, 0.0])
+    parts = ['<robot name="parallelogram"><link name="base"/>', f'<link name="rod">{inertial}</link>']
+    for k, arm in enumerate(arms):
+        parts.append(f'<link name="crank{k}">{inertial}</link>')
+        origin = frame(identity, np.array([float(k), 0.0, 0.0]), arm)
+        parts.append(joint(f"turn{k}", "base", f"crank{k}", origin, arm.inv().apply(axis), str(k == 0).lower()))
+    parts.append(
+        joint("hinge", "crank0", "rod", frame(arms[0], tip, arms[0].inv() * rod), rod.inv().apply(axis), "false")
+    )
+    for k, arm in list(enumerate(arms))[1:]:
+        place = np.array([float(k), 0.0, 0.0])
+        if loop == "revolute":
+            ends = (frame(rod, place, rod.inv()), frame(arm, tip, arm.inv()))
+            parts.append(
+                f'<loop name="pin{k}" type="revolute"><predecessor link="rod">{ends[0]}</predecessor>'
+                f'<successor link="crank{k}">{ends[1]}</successor><axis xyz="0 0 1"/></loop>'
+            )
+            continue
+        parts.append(f'<link name="stub{k}"/>')
+        parts.append(joint(f"pin{k}", f"crank{k}", f"stub{k}", frame(arm, tip, arm.inv()), axis, "false"))
+        parts.append(
+            f'<loop name="weld{k}" type="fixed"><predecessor link="rod">{frame(rod, place, rod.inv())}</predecessor>'
+            f'<successor link="stub{k}"/></loop>'
+        )
+    parts += [
+        f'<transmission name="t{k}"><joint name="turn{k}"/><actuator name="m{k}"/></transmission>'
+        for k in range(drives)
+    ]
+    home = '<joint name="turn0" value="0"/>'
+    return "".join(parts) + f'<configuration name="home">{home}</configuration></robot>'
+
+
+@pytest.mark.parametrize("crank", [0.01, 3e-3, 1e-3])
+@pytest.mark.parametrize(("flags", "drives"), [(True, 1), (False, 1), (True, 0), (False, 0)])
+def test_short_cranks_on_a_welded_loop_are_no_rounding(crank, flags, drives):
+    """The loop's rows count by as little as the cranks are short, and all numbers have all digits."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LegDynamicsWarning)
+        leg = ld.load(parallelogram(2, crank, None, 1, "fixed", flags, drives), route="pinocchio")
+        assert leg.loop_gap == 0.0
+        assert leg.mobility_report().mobility == 1
+    tree = leg.assemble([0.5])
+    moved = {name: float(tree[name]) for name in ("turn0", "turn1", "hinge", "pin1")}
+    turn = moved[leg.joint_names[0]]
+    expected = {"turn0": turn, "turn1": turn, "hinge": -turn, "pin1": -turn}
+    assert moved == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("flags", [True, False])
+@pytest.mark.parametrize(("seed", "digits"), [(1, 10), (2, 8), (3, 9), (4, 6), (5, 7), (6, 5), (8, 7)])
+def test_poses_beside_a_bifurcation_do_not_count(seed, digits, flags):
+    """Where all cranks are in line with the rod, rows that only rounding makes count by its square root."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LegDynamicsWarning)
+        leg = ld.load(parallelogram(3, 0.5, digits, seed, "revolute", flags), route="pinocchio")
+        report = leg.mobility_report()
+    assert leg.joint_names == ("turn0",)
+    assert (report.mobility, report.redundant) == (1, 7)
+    assert 0.0 < leg.loop_gap < 30.0 * 10.0**-digits
+    tree = leg.assemble([0.3])
+    assert float(tree["turn2"]) == pytest.approx(0.3, abs=100.0 * 10.0**-digits)
+    assert leg.backend.mechanism.rounding.loops
+
+
+def test_motions_that_are_meant_decide_about_exact_poses():
+    """A five-bar with one hinge askew keeps one exact motion; its flags or drives say that two are meant."""
+    turned = '<origin xyz="0.2 0 0" rpy="-1.5708 0 0"/><axis xyz="0 0 1"/>'
+    skew = five_bar().replace('<origin xyz="0.2 0 0"/><axis xyz="0 1 0"/>', turned, 1)
+    end = '<predecessor link="a2"><origin xyz="0.25 0 0"'
+    skew = skew.replace(f"{end}/>", f'{end} rpy="1.5708 0 0"/>')
+    silent = skew.replace(' independent="true"', "").replace(' independent="false"', "")
+    for text_ in (skew, silent):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            leg = ld.load(text_, route="pinocchio")
+            assert len(leg.home) == 2
+        assert any("loops (pin) that say" in str(each.message) for each in caught)
+        assert leg.joint_names == ("ma", "mb")
+        assert 1e-7 < leg.loop_gap < 1e-4

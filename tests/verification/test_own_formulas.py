@@ -1087,6 +1087,7 @@ WITH_FORCE = {"torque with foot force", "generalized force with foot force"}
         ("jacobian", lambda self, q: np.array(MyLeg().jacobian(q))[:2], OF_JACOBIAN | WITH_FORCE),
         ("jacobian", lambda self, q, v: MyLeg().jacobian(q), OF_JACOBIAN | WITH_FORCE),
         ("jacobian", 5, OF_JACOBIAN | WITH_FORCE),
+        ("jacobian", None, OF_JACOBIAN | WITH_FORCE),
         ("gravity_torque", lambda self, q: [math.nan] * 2, {"bias force", "torque", "acceleration"} | WITH_FORCE),
     ],
 )
