@@ -6,6 +6,10 @@ accelerations account for. A motion that is only sampled coarsely, or turns back
 the same; so the motion is refined between the samples, by the polynomial through their coordinates, rates and
 accelerations, until the rates follow from the accelerations or the distance to the singular pose is below what the
 samples tell: the difference that the accelerations make to the polynomial.
+
+A motion that comes to rest at the singular pose and goes back the way it came has no such jump. It is seen in how near
+the samples are to being singular: where that falls on one side of an interval and rises on the other fast enough to
+vanish between, the nearest pose of the polynomial is looked for.
 """
 
 from __future__ import annotations
@@ -37,6 +41,13 @@ ROUNDING = 1e-11
 UNKNOWN = 0.05
 # Singular values change by no more than about that much in a unit of the coordinates.
 FALLING = 2.0
+# Error of the polynomial through coordinates, rates and accelerations, as a share of what accelerations make of it, of
+# samples with at least four to a turn of the motion's fastest part.
+QUINTIC = 0.02
+# Nearness that falls by its last step times this would be gone.
+VANISHING = 4.0
+# Of the interval, where the nearest pose is looked for.
+RESOLUTION, EVALUATIONS = 1e-7, 60
 # Halvings of an interval before nearness counts, and at all.
 COARSE, DEEPEST = 2, 24
 
@@ -76,11 +87,26 @@ def check_touching(
     """
     if mechanism.is_open or not mechanism.dependent.size or len(time) < 2:
         return
-    after = _point(mechanism, float(time[0]), mechanism.state_of(found[0]), v[0], a[0])
+    states = [mechanism.state_of(coordinates) for coordinates in found]
+    pivots = np.array([state.smallest_pivot for state in states])
+    after = _point(mechanism, float(time[0]), states[0], v[0], a[0])
     for row in range(1, len(time)):
-        before, after = after, _point(mechanism, float(time[row]), mechanism.state_of(found[row]), v[row], a[row])
+        before, after = after, _point(mechanism, float(time[row]), states[row], v[row], a[row])
         pieces = slice(row - 1, row + 1)
-        _Interval(mechanism, row, before, after, q[pieces], v[pieces], a[pieces]).check()
+        interval = _Interval(mechanism, row, before, after, q[pieces], v[pieces], a[pieces])
+        interval.check()
+        if _may_vanish(pivots, row):
+            interval.check_nearest()
+
+
+def _may_vanish(pivots: np.ndarray, row: int) -> bool:
+    """Whether what is positive at all samples, and zero at singular poses, may be zero between two of them."""
+    left, right = pivots[row - 1], pivots[row]
+    falls = pivots[row - 2] - left if row > 1 else np.inf
+    rises = pivots[row + 1] - right if row + 1 < len(pivots) else np.inf
+    if not (falls > 0.0 and rises > 0.0):
+        return False
+    return bool(left <= VANISHING * falls and right <= VANISHING * rises and min(falls, rises) < np.inf)
 
 
 def _point(mechanism: Mechanism, time: float, state: ClosedState, v: np.ndarray, a: np.ndarray) -> _Point:
@@ -116,6 +142,7 @@ class _Interval:
         self.rates = max(float(np.linalg.norm(before.rates)), float(np.linalg.norm(after.rates)))
         self.unit = mechanism.closure.coordinate_unit[mechanism.independent]
         self.nearest: tuple[float, float, ClosedState] | None = None
+        self.guessed = False
 
     def check(self) -> None:
         """Raise where the motion touches a singular pose here."""
@@ -125,6 +152,46 @@ class _Interval:
             return
         self._prepare()
         self._search(self.before, self.after, 0)
+
+    def check_nearest(self) -> None:
+        """Raise where the nearest pose to a singular one that the polynomial comes to is not told from it."""
+        if self.span * float(np.linalg.norm(self.v / self.unit)) < SMALLEST_WAY or not self._fits():
+            return
+        from scipy.optimize import minimize_scalar
+
+        self._prepare()
+        known = {0.0: self.before.state, 1.0: self.after.state}
+
+        def nearness(share: float) -> float:
+            start = min(known, key=lambda each: abs(each - share))
+            known[share] = state = self._reached(known[start], start, share)
+            sigma = float(self.mechanism.singular_values(state)[-1])
+            self._note(self.before.time + share * self.span, state, sigma)
+            return sigma
+
+        try:
+            options = {"xatol": RESOLUTION, "maxiter": EVALUATIONS}
+            minimize_scalar(nearness, bounds=(0.0, 1.0), method="bounded", options=options)
+        except (AssemblyError, SingularityError) as error:
+            raise self._met(error, self.before, self.after) from None
+        assert self.nearest is not None
+        # The singular value falls like the root of the way of y that is left.
+        if 0.5 * self.nearest[0] ** 2 <= self.error:
+            raise self._touched()
+
+    def _reached(self, state: ClosedState, start: float, share: float, halvings: int = 3) -> ClosedState:
+        """The pose at a share of the interval from another one's, along the polynomial where no straight way leads."""
+        try:
+            return self.mechanism.follow(state, self._coordinates(share))
+        except (AssemblyError, SingularityError):
+            if halvings == 0:
+                raise
+        middle = 0.5 * (start + share)
+        return self._reached(self._reached(state, start, middle, halvings - 1), middle, share, halvings - 1)
+
+    def _coordinates(self, share: float) -> np.ndarray:
+        y: np.ndarray = share ** np.arange(6.0) @ self.coefficients
+        return y
 
     def _fits(self) -> bool:
         """Whether coordinates and rates belong to one motion; accelerations that do not are replaced."""
@@ -136,16 +203,17 @@ class _Interval:
         own = np.stack([chord - 4.0 * v0 - 2.0 * v1, -chord + 2.0 * v0 + 4.0 * v1]) / h
         a0, a1 = self.a / self.unit
         if np.linalg.norm(v1 - v0 - 0.5 * h * (a0 + a1)) > FITTING * speed:
-            self.a = own * self.unit
+            self.a, self.guessed = own * self.unit, True
             self.before, self.after = (
                 _point(self.mechanism, point.time, point.state, v, a)
                 for point, v, a in zip((self.before, self.after), self.v, self.a, strict=True)
             )
-            apart = UNKNOWN * np.abs(own).sum(axis=0)
+            apart, share = UNKNOWN * np.abs(own).sum(axis=0), 1.0
         else:
-            apart = np.abs(self.a / self.unit - own).sum(axis=0)
+            apart, share = np.abs(self.a / self.unit - own).sum(axis=0), QUINTIC
         rounding = ROUNDING * (1.0 + float(np.abs(self.q / self.unit).max()))
-        self.blur = h**2 / 64.0 * float(np.linalg.norm(apart)) + rounding
+        difference = h**2 / 64.0 * float(np.linalg.norm(apart))
+        self.blur, self.error = difference + rounding, share * difference + rounding
         return True
 
     def _prepare(self) -> None:
@@ -167,7 +235,7 @@ class _Interval:
 
     def _at(self, time: float, start: ClosedState) -> _Point:
         share, powers = (time - self.before.time) / self.span, np.arange(6.0)
-        y = share**powers @ self.coefficients
+        y = self._coordinates(share)
         v = (powers[1:] * share ** powers[:-1]) @ self.coefficients[1:] / self.span
         a = (powers[2:] * powers[1:-1] * share ** powers[:-2]) @ self.coefficients[2:] / self.span**2
         return _point(self.mechanism, time, self.mechanism.follow(start, y), v, a)
@@ -244,11 +312,12 @@ class _Interval:
     ) -> SingularityError:
         mechanism = self.mechanism
         y = q[mechanism.independent]
+        unsure = ", the less since its accelerations do not follow from its rates" if self.guessed else ""
         return SingularityError(
             f"between its samples at {self.before.time:.6g} and {self.after.time:.6g} s the motion touches a singular "
             f"pose of the closure, where assembly modes meet, near {mechanism.pose_text(y)}: smallest singular value "
-            f"{sigma:.3g}, {what}; the samples do not tell in which mode the mechanism goes on: keep away from this "
-            "pose, or end the motion before it",
+            f"{sigma:.3g}, {what}; the samples do not tell in which mode the mechanism goes on{unsure}: keep away from "
+            "this pose, or end the motion before it",
             rows=self.row,
             margin=sigma,
             time=time,

@@ -7,6 +7,7 @@ import types
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import leg_dynamics as ld
 from leg_dynamics.analysis import trajectories as tr
@@ -15,6 +16,7 @@ from leg_dynamics.errors import ActuationError, AssemblyError, EffortLimitError,
 from ..five_bar import TOGGLE, five_bar
 from ..four_bar import COUPLER, HOME, ROCKER, four_bar, passive
 from ..four_bar import TOGGLE as TOGGLE_CRANK
+from ..three_rpr import struts, three_rpr
 
 
 def line(start, end, duration=1.0, count=101, force=None):
@@ -256,3 +258,49 @@ def test_bounds_that_are_not_enough_say_when():
     with pytest.raises(EffortLimitError, match=r"at t = [\d.]+ s of line") as caught:
         tr.torque_along(leg, INSIDE, bounds=np.full(3, 0.3 * limit))
     assert caught.value.time == INSIDE.time[caught.value.all_rows.min()]
+
+
+def there_and_back(share, count, offset, accelerations=True):
+    """A platform on struts that comes to rest at `share` of the way to a singular pose, and goes back, in 1 s."""
+    start, direction = np.array([0.872, 3.103]), np.array([0.3, -1.0])
+
+    def way(s):
+        return struts(start + s * direction)
+
+    def determinant(s):
+        step, pose = 1e-6, start + s * direction
+        columns = [struts(pose + step * axis)[1:] - struts(pose - step * axis)[1:] for axis in np.eye(2)]
+        return np.linalg.det(np.array(columns) / (2.0 * step))
+
+    grid = np.linspace(0.0, 2.0, 400)
+    signs = np.array([determinant(s) for s in grid])
+    first = int(np.flatnonzero(signs * signs[0] < 0.0)[0])
+    singular = brentq(determinant, grid[first - 1], grid[first], xtol=1e-15)
+    times = (np.arange(count) + offset) / count
+    step = 2e-3
+    nodes = step * np.arange(-4.0, 5.0)
+    motion = np.array([[way(share * singular * math.sin(math.pi * t)) for t in time + nodes] for time in times])
+    # Eighth-order central differences.
+    rates = np.array([3.0, -32.0, 168.0, -672.0, 0.0, 672.0, -168.0, 32.0, -3.0]) / (840.0 * step)
+    bends = np.array([-9.0, 128.0, -1008.0, 8064.0, -14350.0, 8064.0, -1008.0, 128.0, -9.0]) / (5040.0 * step**2)
+    v, a = (np.einsum("k,tkn->tn", weights, motion) for weights in (rates, bends))
+    leg = ld.load(three_rpr(start), route="pinocchio", foot="platform")
+    return leg, tr.Trajectory(times, motion[:, 4], v, a if accelerations else np.zeros_like(a))
+
+
+@pytest.mark.parametrize("count", [12, 20, 50, 200])
+@pytest.mark.parametrize("offset", [0.2, 0.5, 0.7])
+def test_a_singular_pose_touched_at_rest_between_two_samples_is_found(count, offset):
+    leg, motion = there_and_back(1.0, count, offset)
+    with pytest.raises((AssemblyError, SingularityError)) as caught:
+        tr.assemble_along(leg, motion)
+    assert caught.value.time == pytest.approx(0.5, abs=1.5 / count)
+    assert caught.value.kind == "parallel"
+
+
+@pytest.mark.parametrize("count", [20, 50, 200])
+@pytest.mark.parametrize(("share", "accelerations"), [(0.97, True), (0.9, True), (0.9, False)])
+def test_a_rest_near_a_singular_pose_raises_no_alarm(count, share, accelerations):
+    leg, motion = there_and_back(share, count, 0.4, accelerations)
+    found = tr.assemble_along(leg, motion)
+    assert np.abs(found["turn0"][0] - found["turn0"][-1]) < 0.5
