@@ -13,7 +13,7 @@ from leg_dynamics.errors import AssemblyError, ParameterError, RowError, ShapeEr
 from leg_dynamics.leg import Leg
 from leg_dynamics.routes import load, routes_of, sibling, with_text
 from leg_dynamics.verification.comparison import ROUTE_TOLERANCE, Progress, check, compare, relative
-from leg_dynamics.verification.first_principles import against_first_principles
+from leg_dynamics.verification.first_principles import GAP_TOLERANCE, against_first_principles
 from leg_dynamics.verification.perturbation import with_random_inertia
 from leg_dynamics.verification.report import Check, CrosscheckReport
 from leg_dynamics.verification.states import (
@@ -223,7 +223,7 @@ def crosscheck_legs(
         quantity = f"energy of a {swing.seconds:.3g} s free swing"
         measure = "relative to the largest kinetic energy"
         detail = f"the swing ended early: {swing.stopped}" if swing.stopped else ""
-        allowed = max(ENERGY_TOLERANCE, 10.0 * leg.loop_gap)
+        allowed = max(ENERGY_TOLERANCE, GAP_TOLERANCE * leg.loop_gap)
         checks.append(check(group, quantity, energy_drift(leg, swing), allowed, leg, swing.q, measure, detail))
         if leg is not legs[-1]:
             still = np.zeros((1, len(leg.actuator_names)))

