@@ -217,6 +217,7 @@ def _check(text: str, foot: str | None, number: int, change: Any) -> Verdict:
         return verdict
     if len(working) == 2 and working[0].joint_names != working[1].joint_names:
         raise BrokenPromiseError(f"independent joints {working[0].joint_names} and {working[1].joint_names}")
+    _check_exact(working)
     generator = np.random.default_rng([number, 3])
     y = states_of(working[0], generator)
     arguments = _arguments(working[0], generator, y)
@@ -299,6 +300,19 @@ def _check_regular(M: np.ndarray, cancelled: float, route: str) -> None:
         unit = M * np.outer(scale, scale)
     if not (np.isfinite(unit).all() and np.linalg.cond(unit) < MASSLESS):
         raise BrokenPromiseError(f"acceleration by {route} in spite of a singular mass matrix\n{M}")
+
+
+def _check_exact(working: list[Any]) -> None:
+    """Numbers with all digits are not taken for rounded ones."""
+    for leg in working:
+        # Of the other routes this would wake the numeric one.
+        if leg.route == "pinocchio":
+            try:
+                gap = leg.loop_gap
+            except LegDynamicsError:
+                continue
+            if gap:
+                raise BrokenPromiseError(f"the loops are taken for rounded, with a gap of {gap:.3g}")
 
 
 def _check_closed(text: str, leg: Any, y: np.ndarray) -> None:

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import leg_dynamics as ld
 from leg_dynamics.description import parse
-from leg_dynamics.errors import AssemblyError, LegDynamicsError, LegDynamicsWarning
+from leg_dynamics.errors import AssemblyError, DescriptionError, LegDynamicsError, LegDynamicsWarning
 from leg_dynamics.mechanism.mechanism import Mechanism
 from leg_dynamics.mechanism.rounded import GREATEST_GAP, closing_gap, settle
 
@@ -324,3 +324,44 @@ def test_motions_that_are_meant_decide_about_exact_poses():
         assert any("loops (pin) that say" in str(each.message) for each in caught)
         assert leg.joint_names == ("ma", "mb")
         assert 1e-7 < leg.loop_gap < 1e-4
+
+
+def flat_triangle(height, flags="", more=""):
+    """Two bars on a base of 1 m, whose pin is `height` m beside the line."""
+    side, corner = math.hypot(0.5, height), math.atan2(height, 0.5)
+    link = '<link name="{}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+    return (
+        f'<robot name="frame"><link name="base"/>{link.format("left")}{link.format("right")}'
+        f'<joint name="a" type="continuous" {flags}><parent link="base"/><child link="left"/><axis xyz="0 0 1"/>'
+        "</joint>"
+        f'<joint name="b" type="continuous"><parent link="left"/><child link="right"/><origin xyz="{side!r} 0 0"/>'
+        '<axis xyz="0 0 1"/></joint>'
+        f'<loop name="pin" type="revolute"><predecessor link="right"><origin xyz="{side!r} 0 0"/></predecessor>'
+        f'<successor link="base"><origin xyz="1 0 0"/></successor><axis xyz="0 0 1"/></loop>{more}'
+        f'<configuration name="home"><joint name="a" value="{corner!r}"/><joint name="b" value="{-2.0 * corner!r}"/>'
+        "</configuration></robot>"
+    )
+
+
+@pytest.mark.parametrize("flags", ["", 'independent="true"'])
+@pytest.mark.parametrize("height", [3e-4, 1e-3, 2e-3])
+def test_a_flat_triangle_is_a_frame_and_no_rounded_mechanism(height, flags):
+    """It closes to the last digit, and its weakest row counts by more than rounding."""
+    with pytest.raises(DescriptionError, match="the mechanism's mobility is 0"):
+        ld.load(flat_triangle(height, flags), route="pinocchio")
+
+
+@pytest.mark.parametrize("height", [1e-3, 2e-3])
+def test_drives_do_not_turn_a_frame_into_a_rounded_mechanism(height):
+    """As many drives as motions, were it one."""
+    swing = (
+        '<link name="swing"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+        '<joint name="c" type="continuous"><parent link="base"/><child link="swing"/><axis xyz="0 0 1"/></joint>'
+    )
+    drives = "".join(
+        f'<transmission name="t{name}"><joint name="{name}"/><actuator name="m{name}"/></transmission>' for name in "ac"
+    )
+    with pytest.warns(LegDynamicsWarning, match="the loops leave 1 motion: taking c as independent"):
+        leg = ld.load(flat_triangle(height, more=swing + drives), route="pinocchio")
+    assert leg.joint_names == ("c",)
+    assert leg.loop_gap == 0.0
