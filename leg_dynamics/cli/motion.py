@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,22 +27,31 @@ FORCE_NOTE = (
 )
 
 
+@contextmanager
+def followed(leg: Leg, motion: Trajectory) -> Iterator[None]:
+    """Follow a motion in one assembly mode; while inside, the leg's poses at its samples are those."""
+    from leg_dynamics.analysis.trajectories import along
+
+    with ExitStack() as stack:
+        with error_console().status("following the assembly mode"):
+            stack.enter_context(along(leg, motion))
+        yield
+
+
 def torque_along(leg: Leg, motion: Trajectory) -> np.ndarray:
-    """Actuator efforts along a motion, (N, m)."""
-    return efforts_along(leg, motion)[0]
+    """Actuator efforts along a motion, (N, m), in one assembly mode."""
+    with followed(leg, motion):
+        return efforts_along(leg, motion)[0]
 
 
 def efforts_along(
     leg: Leg, motion: Trajectory, allow_idle: bool = False, bounded: bool = False
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Efforts along a motion, (N, m), in one assembly mode, and what they leave unbalanced, (N, n), where allowed."""
+    """Efforts along a `followed` motion, (N, m), and what they leave unbalanced, (N, n), where allowed."""
     import numpy as np
 
-    from leg_dynamics.analysis.trajectories import assemble_along
     from leg_dynamics.analysis.trajectories.following import located
 
-    with error_console().status("following the assembly mode"):
-        assemble_along(leg, motion)
     policy: dict[str, Any] = {"bounds": True} if bounded else {}
     parts: list[np.ndarray] = []
     left: list[np.ndarray] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,7 +11,7 @@ import typer
 
 from leg_dynamics.cli.files import check_writable, write_atomically
 from leg_dynamics.cli.loading import FULL_RATE, FootLoad, choose_trajectory, is_named, load_leg
-from leg_dynamics.cli.motion import poses_along, torque_along
+from leg_dynamics.cli.motion import efforts_along, followed, poses_along
 from leg_dynamics.cli.options import (
     DurationOption,
     FootForceOption,
@@ -77,10 +78,12 @@ def preview_leg(
     model = load_leg(leg, route, set_, foot, urdf, transmission)
     motion = _preview_motion(model, trajectory, duration, rate, ignore_limits)
     motion = load.on(motion, model, trajectory)
-    loads = _preview_loads(model, motion)
+    # A still may show a singular pose.
+    with followed(model, motion) if len(motion) > 1 else nullcontext():
+        loads = _preview_loads(model, motion)
+        values, trace = poses_along(model, motion)
     if workspace:
         loads["cloud"] = _workspace_cloud(model)
-    values, trace = poses_along(model, motion)
     if html is not None:
         title = f"{model.description.name}, {motion.name}"
         write_atomically(
@@ -134,7 +137,7 @@ def _preview_loads(leg: Leg, motion: Trajectory) -> dict[str, Any]:
         loads["foot_force"] = in_root_frame(leg.description, motion.foot_force)
     if len(motion) > 1:
         try:
-            efforts = torque_along(leg, motion)
+            efforts, _ = efforts_along(leg, motion)
         except ActuationError as error:
             complain(f"note: the motors are not coloured by torque: {error}")
         else:

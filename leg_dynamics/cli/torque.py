@@ -10,7 +10,15 @@ import typer
 from leg_dynamics.cli.application import FAILED
 from leg_dynamics.cli.files import check_writable
 from leg_dynamics.cli.loading import FootLoad, choose_trajectory, load_leg
-from leg_dynamics.cli.motion import compare_efforts, efforts_along, show_summary, summarize, write_plot, write_table
+from leg_dynamics.cli.motion import (
+    compare_efforts,
+    efforts_along,
+    followed,
+    show_summary,
+    summarize,
+    write_plot,
+    write_table,
+)
 from leg_dynamics.cli.options import (
     DurationOption,
     FootForceOption,
@@ -83,17 +91,19 @@ def torque_leg(
         )
     motion = choose_trajectory(model, trajectory, duration, rate, ignore_limits)
     motion = load.on(motion, model, trajectory)
-    efforts, residual = efforts_along(model, motion, allow_idle, bounded)
-    result = summarize(model, motion, efforts, residual)
-    other = None
-    if compare is not None:
-        second = sibling(model, compare)
-        other, _ = efforts_along(second, motion, allow_idle, bounded)
-        result["comparison"] = compare_efforts(model, second, efforts, other)
     files: dict[str, str] = {}
-    if output is not None:
-        write_table(output, model, motion, efforts)
-        files["table"] = str(output)
+    with followed(model, motion):
+        efforts, residual = efforts_along(model, motion, allow_idle, bounded)
+        result = summarize(model, motion, efforts, residual)
+        other = None
+        if compare is not None:
+            second = sibling(model, compare)
+            with followed(second, motion):
+                other, _ = efforts_along(second, motion, allow_idle, bounded)
+            result["comparison"] = compare_efforts(model, second, efforts, other)
+        if output is not None:
+            write_table(output, model, motion, efforts)
+            files["table"] = str(output)
     if plot is not None:
         write_plot(plot, model, motion, efforts, compare, other)
         files["plot"] = str(plot)

@@ -9,7 +9,8 @@ from __future__ import annotations
 import copy
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -148,7 +149,8 @@ class LoopForces:
 class _Workspace(threading.local):
     """One thread's pinocchio model copy and data, the state it closed last, and poses that it followed from a seed.
 
-    `followed` holds tree coordinates by the bytes of y; `anchors` one state in each cell of the space of y.
+    `followed` holds tree coordinates by the bytes of y, and `led` those of a motion that is being computed; `anchors`
+    one state in each cell of the space of y.
     """
 
     def __init__(self, tree: Tree) -> None:
@@ -157,6 +159,7 @@ class _Workspace(threading.local):
         self.memory = FrameMemory(self.model, self.data)
         self.last: ClosedState | None = None
         self.followed: dict[bytes, np.ndarray] = {}
+        self.led: dict[bytes, np.ndarray] = {}
         self.anchors: dict[tuple[int, ...], ClosedState] = {}
         self.followed_from: tuple[ClosedState, ...] | None = None
 
@@ -724,6 +727,29 @@ class Mechanism:
             self._workspace.followed.clear()
             self._workspace.anchors.clear()
 
+    @contextmanager
+    def led(self, poses: np.ndarray) -> Iterator[None]:
+        """While inside, this thread's poses at the coordinates of closed ones, (N, nv), are those, and no others led.
+
+        For motions that lead, in the mode of the seeds, to where no straight way from them does. Coordinates at which
+        a motion has two poses tell neither.
+        """
+        work, unit = self._workspace, self.closure.coordinate_unit
+        before, known = work.led, dict[bytes, np.ndarray]()
+        two: set[bytes] = set()
+        for q in poses:
+            key = q[self.independent].tobytes()
+            other = known.setdefault(key, q)
+            if other is not q and np.abs((self.unwound(other) - self.unwound(q)) / unit).max() > POSE_ROUNDING:
+                two.add(key)
+        self.forget()
+        work.led = {key: q for key, q in known.items() if key not in two}
+        try:
+            yield
+        finally:
+            work.led = before
+            self.forget()
+
     def close(self, y: np.ndarray) -> ClosedState:
         """Tree coordinates that close the loops at y (n,): where the straight way from the nearest seed leads.
 
@@ -748,18 +774,21 @@ class Mechanism:
             return self._state(q, self._no_rows)
         work = self._workspace
         last, near = work.last, None
-        if last is not None:
-            distance = self.distance(y - last.y)
-            if distance == 0.0:
-                return last
-            if self.remembers and distance <= CONTINUATION_STEP:
-                near = self.advance(last, y)
-                if near is not None and self._is_anchored(near):
-                    work.last = self._settled(near)
-                    return work.last
+        distance = np.inf if last is None else self.distance(y - last.y)
+        if last is not None and distance == 0.0:
+            return last
+        key = y.tobytes()
+        known = work.led.get(key)
+        if known is not None:
+            work.last = self._settled(self.complete(self._state(known.copy(), self.evaluate(known))))
+            return work.last
+        if last is not None and self.remembers and distance <= CONTINUATION_STEP:
+            near = self.advance(last, y)
+            if near is not None and self._is_anchored(near):
+                work.last = self._settled(near)
+                return work.last
         if work.followed_from is not self.seeds:
             work.followed, work.anchors, work.followed_from = {}, {}, self.seeds
-        key = y.tobytes()
         known = work.followed.get(key)
         if known is not None:
             work.last = self._anchored(self.complete(self._state(known.copy(), self.evaluate(known))))
@@ -945,13 +974,17 @@ class Mechanism:
 
     # ------------------------------------------------------------------ kinematics
 
-    def bias_acceleration(self, state: ClosedState, qd: np.ndarray) -> np.ndarray:
-        """g (nv,): tree accelerations at ydd = 0. Leaves J, dJ and the placements of this state in the workspace."""
+    def closure_drift(self, state: ClosedState, qd: np.ndarray) -> np.ndarray:
+        """k of `Closure.drift`, (r,). Leaves J, dJ and the placements of this state in the workspace."""
         work = self._workspace
         pin.computeJointJacobiansTimeVariation(work.model, work.data, self.tree.to_configuration(state.q), qd)
+        return self.closure.drift(state.rows, qd, work.data.J, work.data.dJ)
+
+    def bias_acceleration(self, state: ClosedState, qd: np.ndarray) -> np.ndarray:
+        """g (nv,): tree accelerations at ydd = 0. Leaves J, dJ and the placements of this state in the workspace."""
+        k = self.closure_drift(state, qd)
         g = np.zeros(self.nv)
         if len(self.dependent):
-            k = self.closure.drift(state.rows, qd, work.data.J, work.data.dJ)
             solution = self._solve(state, k.reshape(-1, 1)).ravel()
             g[self.dependent] = solution * self._dependent_unit if self._has_lengths else solution
         return g

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 from leg_dynamics.description.model import Description
 from leg_dynamics.errors import AssemblyError, BranchError, OutOfReachError, RowError, RowFailures, SingularityError
 from leg_dynamics.mechanism.assembly import SAME_POSE, close_configuration, configuration_coordinates, pose_difference
+from leg_dynamics.mechanism.between import SampledMotion, lead
 from leg_dynamics.mechanism.mechanism import DOUBTFUL_INVERSE, ClosedState, LoopForces, Mechanism
 from leg_dynamics.mechanism.mobility import MobilityReport, mobility_report
 from leg_dynamics.mechanism.modes import AssemblyMode, find_modes
@@ -204,32 +206,57 @@ class PinocchioRoute:
         mechanism = self.mechanism
         return mechanism.seeds[0].y.copy()
 
-    def follow(self, q: np.ndarray) -> np.ndarray:
+    def follow(self, q: np.ndarray, motion: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None) -> np.ndarray:
         """Tree coordinates (N, nv) along a path of independent ones (N, n), each continued from the row before.
+
+        Parameters
+        ----------
+        q : (N, n) array
+        motion : tuple of time (N,), s, v and a (N, n), optional
+            Where the straight way from a row to the next leaves the reach, the one that they tell is taken; and no
+            singular pose may be touched between, see `leg_dynamics.mechanism.touching`.
 
         Raises
         ------
         AssemblyError, SingularityError
             The mode ends or is singular on the way, or the actuators lose a motion that they hold elsewhere; `rows`
-            names the first row that is not reached.
+            names the first row that is not reached. The second with `time` where a singular pose is touched between.
         """
         mechanism = self.mechanism
         mechanism.forget()
-        found = np.empty((len(q), mechanism.nv))
-        state: ClosedState | None = None
+        sampled = None
+        if motion is not None:
+            time, v, a = motion
+            sampled = SampledMotion(time, q, v, a, mechanism.closure.coordinate_unit[mechanism.independent])
+        states: list[ClosedState] = []
         for row, y in enumerate(q):
             try:
-                if state is None or mechanism.is_open:
-                    state = mechanism.close(y)
+                if not states or mechanism.is_open:
+                    states.append(mechanism.close(y))
                 else:
-                    before, state = state, mechanism.follow(state, y)
-                    self._check_held(before, state)
+                    states.append(self._next(states[-1], y, row, sampled))
+                    self._check_held(*states[-2:])
             except RowError as error:
                 failures = RowFailures()
                 failures.add(row, error)
                 raise failures.combined(len(q)) from None
-            found[row] = state.q
-        return found
+        if sampled is not None:
+            check_touching(mechanism, states, sampled)
+        return np.array([state.q for state in states]).reshape(len(q), mechanism.nv)
+
+    def _next(self, state: ClosedState, y: np.ndarray, row: int, motion: SampledMotion | None) -> ClosedState:
+        """The pose at y (n,), straight from the one before, or the way that the motion tells."""
+        try:
+            return self.mechanism.follow(state, y)
+        except (AssemblyError, SingularityError):
+            way = motion.way(row) if motion is not None else None
+            if way is None:
+                raise
+            try:
+                return self.mechanism.follow(lead(self.mechanism, way, state, 0.0, 1.0), y)
+            except (AssemblyError, SingularityError):
+                pass
+            raise
 
     def _check_held(self, before: ClosedState, after: ClosedState) -> None:
         """As `Mechanism.check_held`; the error carries `tree_coordinates` too."""
@@ -241,15 +268,9 @@ class PinocchioRoute:
             reached = mechanism.follow(before, pose).q
             raise SingularityError(error.message, **{**error.evidence, "tree_coordinates": reached}) from None
 
-    def check_between(self, found: np.ndarray, time: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> None:
-        """Check that a motion, (N, n) each, touches no singular pose between its samples, whose poses `follow` found.
-
-        Raises
-        ------
-        SingularityError
-            With `time`, see `leg_dynamics.mechanism.touching`.
-        """
-        check_touching(self.mechanism, found, time, q, v, a)
+    def led(self, found: np.ndarray) -> AbstractContextManager[None]:
+        """While inside, the poses at the coordinates of those that `follow` found are those, whatever leads there."""
+        return self.mechanism.led(found)
 
     def nearest_singular(self, found: np.ndarray) -> tuple[int, float, str, dict[str, float]]:
         """Of closed tree coordinates (N, nv) the ones nearest to a singular pose: row, singular value, kind, direction.
@@ -263,21 +284,17 @@ class PinocchioRoute:
         singular = mechanism.singular(states[row])
         return row, values[row], singular.kind, singular.direction
 
-    def forget(self) -> None:
-        """Let this thread's next pose not depend on those before."""
-        self.mechanism.forget()
-
     def apart(self, q: np.ndarray) -> np.ndarray:
         """Tree coordinates (N, nv) of independent ones (N, n), each reached from a seed; rows that fail are NaN."""
         mechanism = self.mechanism
         found = np.full((len(q), mechanism.nv), np.nan)
-        for row, y in enumerate(q):
-            mechanism.forget()
-            try:
-                found[row] = mechanism.close(y).q
-            except RowError:
-                continue
-        mechanism.forget()
+        with mechanism.led(found[:0]):
+            for row, y in enumerate(q):
+                mechanism.forget()
+                try:
+                    found[row] = mechanism.close(y).q
+                except RowError:
+                    continue
         return found
 
     def singular_pose(self, q: np.ndarray) -> np.ndarray:

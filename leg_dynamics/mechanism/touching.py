@@ -4,8 +4,9 @@ Where it does, two modes meet, and the samples on either side do not show it: th
 the passive ones go on into the other mode or turn back too. In this mode their rates then jump, by more than their
 accelerations account for. A motion that is only sampled coarsely, or turns back just before the singular pose, shows
 the same; so the motion is refined between the samples, by the polynomial through their coordinates, rates and
-accelerations, until the rates follow from the accelerations or the distance to the singular pose is below what the
-samples tell: the difference that the accelerations make to the polynomial.
+accelerations, until the rates follow from the accelerations or the distance to a singular pose is below what the
+samples tell: of a pose that the polynomial passes, its error; of one where it turns back, the difference that the
+accelerations make to it.
 
 A motion that comes to rest at the singular pose and goes back the way it came has no such jump. It is seen in how near
 the samples are to being singular: where that falls on one side of an interval and rises on the other fast enough to
@@ -14,13 +15,16 @@ vanish between, the nearest pose of the polynomial is looked for.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from leg_dynamics.errors import AssemblyError, RowError, SingularityError
+from leg_dynamics.errors import AssemblyError, LegDynamicsWarning, RowError, SingularityError
 from leg_dynamics.mechanism.assembly import SAME_POSE, pose_difference
+from leg_dynamics.mechanism.between import SampledMotion, Way, lead
 from leg_dynamics.mechanism.singular import Singular
 
 if TYPE_CHECKING:
@@ -30,20 +34,10 @@ __all__ = ["check_touching"]
 
 # What the accelerations leave of the rates' change, as a share of the rates.
 EXPLAINED = 0.02
-# Share of the rates by which coordinates and rates, or rates and accelerations, of neighbouring samples may miss each
-# other and still tell one motion between them.
-FITTING = 0.2
 # Shorter ways, rad or lengths of the mechanism, are below what tells two poses apart.
 SMALLEST_WAY = 1e-6
-# Rounding of the coordinates.
-ROUNDING = 1e-11
-# Of accelerations that follow from coordinates and rates alone: what is not known of them.
-UNKNOWN = 0.05
 # Singular values change by no more than about that much in a unit of the coordinates.
 FALLING = 2.0
-# Error of the polynomial through coordinates, rates and accelerations, as a share of what accelerations make of it, of
-# samples with at least four to a turn of the motion's fastest part.
-QUINTIC = 0.02
 # Nearness that falls by its last step times this would be gone.
 VANISHING = 4.0
 # Of the interval, where the nearest pose is looked for.
@@ -62,41 +56,51 @@ class _Point:
     accelerations: np.ndarray
 
 
-def check_touching(
-    mechanism: Mechanism, found: np.ndarray, time: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray
-) -> None:
+def check_touching(mechanism: Mechanism, states: list[ClosedState], motion: SampledMotion) -> None:
     """Check that a motion does not touch a singular pose of the closure between its samples.
 
-    Intervals whose coordinates and rates do not fit each other are passed over. Accelerations that do not fit, such as
-    the zeros of a motion that is only to be checked, are replaced by those of the cubic polynomial.
+    Intervals whose coordinates and rates do not fit each other are passed over, with a warning unless the rates are
+    zero, as in a list of poses, or no singular pose is near.
 
     Parameters
     ----------
     mechanism : Mechanism
-    found : (N, nv) array
-        Closed tree coordinates of the samples, each continued from the one before.
-    time : (N,) array
-        s.
-    q, v, a : (N, n) array
-        The motion.
+    states : list of N ClosedState
+        Of the samples, each continued from the one before.
+    motion : SampledMotion
 
     Raises
     ------
     SingularityError
         With `time`, s, `pose`, `kind`, `direction` and `margin` of the pose nearest to the singular one.
     """
-    if mechanism.is_open or not mechanism.dependent.size or len(time) < 2:
+    if mechanism.is_open or not mechanism.dependent.size or len(motion) < 2:
         return
-    states = [mechanism.state_of(coordinates) for coordinates in found]
     pivots = np.array([state.smallest_pivot for state in states])
-    after = _point(mechanism, float(time[0]), states[0], v[0], a[0])
-    for row in range(1, len(time)):
-        before, after = after, _point(mechanism, float(time[row]), states[row], v[row], a[row])
-        pieces = slice(row - 1, row + 1)
-        interval = _Interval(mechanism, row, before, after, q[pieces], v[pieces], a[pieces])
+
+    def point(row: int) -> _Point:
+        return _point(mechanism, float(motion.time[row]), states[row], motion.v[row], motion.a[row])
+
+    unclear: list[_Interval] = []
+    after = point(0)
+    for row in range(1, len(motion)):
+        before, after = after, point(row)
+        interval = _Interval(mechanism, motion, row, before, after)
         interval.check()
         if _may_vanish(pivots, row):
             interval.check_nearest()
+        if interval.is_unclear():
+            unclear.append(interval)
+    if unclear:
+        first = unclear[0]
+        more = f" and in {len(unclear) - 1} more of its {len(motion) - 1} intervals" if len(unclear) > 1 else ""
+        warnings.warn(
+            f"between its samples at {first.before.time:.6g} and {first.after.time:.6g} s{more} the motion's rates do "
+            "not fit its coordinates: whether it touches a singular pose there is not known; sample it more finely, or "
+            "give the rates of its coordinates",
+            LegDynamicsWarning,
+            stacklevel=6,
+        )
 
 
 def _may_vanish(pivots: np.ndarray, row: int) -> bool:
@@ -124,47 +128,54 @@ def _unexplained(left: _Point, right: _Point) -> float:
 
 
 class _Interval:
-    """The motion between two neighbouring samples, `row` the later one; q, v, a (2, n)."""
+    """The motion between two neighbouring samples, `row` the later one."""
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        row: int,
-        before: _Point,
-        after: _Point,
-        q: np.ndarray,
-        v: np.ndarray,
-        a: np.ndarray,
-    ) -> None:
-        self.mechanism, self.row, self.before, self.after = mechanism, row, before, after
-        self.q, self.v, self.a = q, v, a
+    def __init__(self, mechanism: Mechanism, motion: SampledMotion, row: int, before: _Point, after: _Point) -> None:
+        self.mechanism, self.motion, self.row, self.before, self.after = mechanism, motion, row, before, after
         self.span = after.time - before.time
         self.rates = max(float(np.linalg.norm(before.rates)), float(np.linalg.norm(after.rates)))
-        self.unit = mechanism.closure.coordinate_unit[mechanism.independent]
         self.nearest: tuple[float, float, ClosedState] | None = None
-        self.guessed = False
+
+    @cached_property
+    def way(self) -> Way | None:
+        """What the samples tell, if they fit each other."""
+        return self.motion.way(self.row)
 
     def check(self) -> None:
         """Raise where the motion touches a singular pose here."""
         if self.rates * self.span < SMALLEST_WAY:
             return
-        if _unexplained(self.before, self.after) <= EXPLAINED * self.rates or not self._fits():
+        if _unexplained(self.before, self.after) <= EXPLAINED * self.rates or self.way is None:
             return
-        self._prepare()
-        self._search(self.before, self.after, 0)
+        if self.way.guessed:
+            self.before, self.after = (
+                _point(self.mechanism, point.time, point.state, v, a)
+                for point, v, a in zip((self.before, self.after), self.way.v, self.way.a, strict=True)
+            )
+        self._search(self.way, self.before, self.after, 0)
+
+    def is_unclear(self) -> bool:
+        """Whether the samples do not tell the way between them, and a singular pose may be on it."""
+        if self.rates * self.span < SMALLEST_WAY or _unexplained(self.before, self.after) <= EXPLAINED * self.rates:
+            return False
+        if self.way is not None:
+            return False
+        nearness = min(float(self.mechanism.singular_values(each.state)[-1]) for each in (self.before, self.after))
+        moved = (self.after.state.q - self.before.state.q) / self.mechanism.closure.coordinate_unit
+        return nearness <= FALLING * max(float(np.linalg.norm(moved)), self.rates * self.span)
 
     def check_nearest(self) -> None:
         """Raise where the nearest pose to a singular one that the polynomial comes to is not told from it."""
-        if self.span * float(np.linalg.norm(self.v / self.unit)) < SMALLEST_WAY or not self._fits():
+        way = self.way
+        if way is None or self.span * float(np.linalg.norm(way.v / self.motion.unit)) < SMALLEST_WAY:
             return
         from scipy.optimize import minimize_scalar
 
-        self._prepare()
         known = {0.0: self.before.state, 1.0: self.after.state}
 
         def nearness(share: float) -> float:
             start = min(known, key=lambda each: abs(each - share))
-            known[share] = state = self._reached(known[start], start, share)
+            known[share] = state = lead(self.mechanism, way, known[start], start, share)
             sigma = float(self.mechanism.singular_values(state)[-1])
             self._note(self.before.time + share * self.span, state, sigma)
             return sigma
@@ -175,92 +186,56 @@ class _Interval:
         except (AssemblyError, SingularityError) as error:
             raise self._met(error, self.before, self.after) from None
         assert self.nearest is not None
-        # The singular value falls like the root of the way of y that is left.
-        if 0.5 * self.nearest[0] ** 2 <= self.error:
+        _, time, state = self.nearest
+        if self._distance(state) <= way.error_at(way.share(time)):
             raise self._touched()
 
-    def _reached(self, state: ClosedState, start: float, share: float, halvings: int = 3) -> ClosedState:
-        """The pose at a share of the interval from another one's, along the polynomial where no straight way leads."""
-        try:
-            return self.mechanism.follow(state, self._coordinates(share))
-        except (AssemblyError, SingularityError):
-            if halvings == 0:
-                raise
-        middle = 0.5 * (start + share)
-        return self._reached(self._reached(state, start, middle, halvings - 1), middle, share, halvings - 1)
+    def _distance(self, state: ClosedState) -> float:
+        """How far the independent coordinates of a pose are from those of a singular one, at least.
 
-    def _coordinates(self, share: float) -> np.ndarray:
-        y: np.ndarray = share ** np.arange(6.0) @ self.coefficients
-        return y
+        Along the weakest motion x the loops' residual is normal . y + sigma x + bend x^2 / 2; where it vanishes for one
+        x only, the pose is singular. Near a cusp, or where the loops lose rank altogether, bend or normal vanish too:
+        then what is of higher order counts, as if they were as large as the root of sigma.
+        """
+        mechanism = self.mechanism
+        unit = mechanism.closure.coordinate_unit
+        rows, values, motions = np.linalg.svd(state.dependent_jacobian, full_matrices=False)
+        sigma, weakest = float(values[-1]), np.zeros(mechanism.nv)
+        weakest[mechanism.dependent] = motions[-1] * unit[mechanism.dependent]
+        bend = abs(float(rows[:, -1] @ mechanism.closure_drift(state, weakest)))
+        columns = state.rows.jacobian[:, mechanism.independent] * self.motion.unit
+        normal = float(np.linalg.norm(rows[:, -1] @ columns))
+        least = sigma**0.5
+        return sigma**2 / (2.0 * max(bend, least) * max(normal, least))
 
-    def _fits(self) -> bool:
-        """Whether coordinates and rates belong to one motion; accelerations that do not are replaced."""
-        h, (q0, q1), (v0, v1) = self.span, self.q / self.unit, self.v / self.unit
-        speed = max(float(np.linalg.norm(v0)), float(np.linalg.norm(v1)))
-        if np.linalg.norm(q1 - q0 - 0.5 * h * (v0 + v1)) > FITTING * speed * h:
-            return False
-        chord = 6.0 * (q1 - q0) / h
-        own = np.stack([chord - 4.0 * v0 - 2.0 * v1, -chord + 2.0 * v0 + 4.0 * v1]) / h
-        a0, a1 = self.a / self.unit
-        if np.linalg.norm(v1 - v0 - 0.5 * h * (a0 + a1)) > FITTING * speed:
-            self.a, self.guessed = own * self.unit, True
-            self.before, self.after = (
-                _point(self.mechanism, point.time, point.state, v, a)
-                for point, v, a in zip((self.before, self.after), self.v, self.a, strict=True)
-            )
-            apart, share = UNKNOWN * np.abs(own).sum(axis=0), 1.0
-        else:
-            apart, share = np.abs(self.a / self.unit - own).sum(axis=0), QUINTIC
-        rounding = ROUNDING * (1.0 + float(np.abs(self.q / self.unit).max()))
-        difference = h**2 / 64.0 * float(np.linalg.norm(apart))
-        self.blur, self.error = difference + rounding, share * difference + rounding
-        return True
+    def _at(self, way: Way, time: float, start: ClosedState) -> _Point:
+        share = way.share(time)
+        state = self.mechanism.follow(start, way.coordinates(share))
+        return _point(self.mechanism, time, state, *way.rates(share))
 
-    def _prepare(self) -> None:
-        """The quintic polynomial through both ends."""
-        h, (q0, q1), (v0, v1), (a0, a1) = self.span, self.q, self.v, self.a
-        way = q1 - q0 - h * v0 - 0.5 * h**2 * a0
-        speed = h * (v1 - v0 - h * a0)
-        force = h**2 * (a1 - a0)
-        self.coefficients = np.stack(
-            [
-                q0,
-                h * v0,
-                0.5 * h**2 * a0,
-                10.0 * way - 4.0 * speed + 0.5 * force,
-                -15.0 * way + 7.0 * speed - force,
-                6.0 * way - 3.0 * speed + 0.5 * force,
-            ]
-        )
-
-    def _at(self, time: float, start: ClosedState) -> _Point:
-        share, powers = (time - self.before.time) / self.span, np.arange(6.0)
-        y = self._coordinates(share)
-        v = (powers[1:] * share ** powers[:-1]) @ self.coefficients[1:] / self.span
-        a = (powers[2:] * powers[1:-1] * share ** powers[:-2]) @ self.coefficients[2:] / self.span**2
-        return _point(self.mechanism, time, self.mechanism.follow(start, y), v, a)
-
-    def _search(self, left: _Point, right: _Point, depth: int) -> None:
+    def _search(self, way: Way, left: _Point, right: _Point, depth: int) -> None:
         """Refine from `left` to `right` until the rates follow from the accelerations."""
         if _unexplained(left, right) <= EXPLAINED * self.rates:
             return
-        touched = self._turns_back(left, right) and depth >= COARSE
+        touched = self._turns_back(way, left, right) and depth >= COARSE
         if depth == DEEPEST:
             raise self._touched()
         time = 0.5 * (left.time + right.time)
         try:
-            middle = self._at(time, left.state)
+            middle = self._at(way, time, left.state)
             arrived = self.mechanism.follow(middle.state, right.state.y)
         except (AssemblyError, SingularityError) as error:
             raise self._met(error, left, right) from None
-        if pose_difference(self.mechanism, arrived, right.state) > SAME_POSE:
+        touches = self._distance(middle.state) <= way.error_at(way.share(time))
+        if touches or pose_difference(self.mechanism, arrived, right.state) > SAME_POSE:
+            self._note(time, middle.state, float(self.mechanism.singular_values(middle.state)[-1]))
             raise self._touched()
-        self._search(left, middle, depth + 1)
-        self._search(middle, right, depth + 1)
+        self._search(way, left, middle, depth + 1)
+        self._search(way, middle, right, depth + 1)
         if touched:
             raise self._touched()
 
-    def _turns_back(self, left: _Point, right: _Point) -> bool:
+    def _turns_back(self, way: Way, left: _Point, right: _Point) -> bool:
         """Whether the motion reverses towards a singular pose that is nearer than what the samples tell."""
         span = right.time - left.time
         rates, smallest, nearness = [], np.inf, np.inf
@@ -274,11 +249,13 @@ class _Interval:
             rate = float(weakest @ point.rates[self.mechanism.dependent])
             rates.append(rate)
             # Along the weakest motion x the way of y to the singular pose is sigma x / 2, sigma falling like x.
-            normal = np.linalg.norm(rows[:, -1] @ (state.rows.jacobian[:, self.mechanism.independent] * self.unit))
-            way = 0.5 * sigma * abs(rate) * span / float(normal) if normal > 0.0 else np.inf
-            smallest, nearness = min(smallest, sigma), min(nearness, way)
+            normal = np.linalg.norm(
+                rows[:, -1] @ (state.rows.jacobian[:, self.mechanism.independent] * self.motion.unit)
+            )
+            distance = 0.5 * sigma * abs(rate) * span / float(normal) if normal > 0.0 else np.inf
+            smallest, nearness = min(smallest, sigma), min(nearness, distance)
         reverses = rates[0] * rates[1] < 0.0 and 2.0 * _unexplained(left, right) >= abs(rates[1] - rates[0])
-        return bool(reverses and smallest <= FALLING * self.rates * span and nearness <= self.blur)
+        return bool(reverses and smallest <= FALLING * self.rates * span and nearness <= way.blur)
 
     def _note(self, time: float, state: ClosedState, sigma: float) -> None:
         """Keep the pose nearest to a singular one."""
@@ -312,12 +289,16 @@ class _Interval:
     ) -> SingularityError:
         mechanism = self.mechanism
         y = q[mechanism.independent]
-        unsure = ", the less since its accelerations do not follow from its rates" if self.guessed else ""
+        unsure = (
+            ", the less since its accelerations do not follow from its rates"
+            if self.way is not None and self.way.guessed
+            else ""
+        )
         return SingularityError(
             f"between its samples at {self.before.time:.6g} and {self.after.time:.6g} s the motion touches a singular "
             f"pose of the closure, where assembly modes meet, near {mechanism.pose_text(y)}: smallest singular value "
             f"{sigma:.3g}, {what}; the samples do not tell in which mode the mechanism goes on{unsure}: keep away from "
-            "this pose, or end the motion before it",
+            "this pose, end the motion before it, or sample it more finely if it does not come that near",
             rows=self.row,
             margin=sigma,
             time=time,

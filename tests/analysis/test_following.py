@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import types
+import warnings
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scipy.optimize import brentq
 
 import leg_dynamics as ld
 from leg_dynamics.analysis import trajectories as tr
-from leg_dynamics.errors import ActuationError, AssemblyError, EffortLimitError, SingularityError
+from leg_dynamics.errors import ActuationError, AssemblyError, EffortLimitError, LegDynamicsWarning, SingularityError
 
 from ..five_bar import TOGGLE, five_bar
 from ..four_bar import COUPLER, HOME, ROCKER, four_bar, passive
@@ -194,7 +195,25 @@ def test_coarse_and_rough_motions_of_a_five_bar_raise_no_alarm(count):
         angle = speed * time[:, None] + phase
         q, v, a = middle + size * np.sin(angle), size * speed * np.cos(angle), -size * speed**2 * np.sin(angle)
         for rates in ((v, a), (np.gradient(q, time, axis=0), 0.0 * a), (0.0 * v, 0.0 * a)):
-            tr.assemble_along(leg, tr.Trajectory(time, q, *rates))
+            with warnings.catch_warnings():
+                if count < 20:
+                    warnings.filterwarnings("ignore", "between its samples at", LegDynamicsWarning)
+                tr.assemble_along(leg, tr.Trajectory(time, q, *rates))
+
+
+def test_rates_that_do_not_fit_are_told_where_a_singular_pose_may_be_near():
+    leg = ld.load(five_bar())
+    time = np.linspace(0.0, 1.0, 6)
+    q = leg.home + np.stack([0.2 * np.sin(6.0 * time), 0.2 * np.cos(6.0 * time)], axis=1)
+    rough, still = tr.Trajectory(time, q, -3.0 * q, 0.0 * q), tr.Trajectory(time, q, 0.0 * q, 0.0 * q)
+    with pytest.warns(
+        LegDynamicsWarning, match=r"samples at 0 and 0.2 s and in 4 more of its 5 intervals .* do not fit"
+    ):
+        tr.assemble_along(leg, rough)
+    tr.assemble_along(leg, still)
+    # Between neighbours that are nearer to each other than to a singular pose nothing is in doubt.
+    near = leg.home + 0.05 * (q - leg.home)
+    tr.assemble_along(leg, tr.Trajectory(time, near, 0.5 * (near - leg.home), 0.0 * near))
 
 
 @pytest.mark.parametrize("rate", [10.0, 100.0])
@@ -261,7 +280,7 @@ def test_bounds_that_are_not_enough_say_when():
 
 
 def there_and_back(share, count, offset, accelerations=True):
-    """A platform on struts that comes to rest at `share` of the way to a singular pose, and goes back, in 1 s."""
+    """A platform on struts that goes to `share` of the way to a singular pose, rests, and goes back, in 1 s."""
     start, direction = np.array([0.872, 3.103]), np.array([0.3, -1.0])
 
     def way(s):
@@ -288,7 +307,7 @@ def there_and_back(share, count, offset, accelerations=True):
     return leg, tr.Trajectory(times, motion[:, 4], v, a if accelerations else np.zeros_like(a))
 
 
-@pytest.mark.parametrize("count", [12, 20, 50, 200])
+@pytest.mark.parametrize("count", [8, 12, 20, 50, 200])
 @pytest.mark.parametrize("offset", [0.2, 0.5, 0.7])
 def test_a_singular_pose_touched_at_rest_between_two_samples_is_found(count, offset):
     leg, motion = there_and_back(1.0, count, offset)
@@ -303,4 +322,110 @@ def test_a_singular_pose_touched_at_rest_between_two_samples_is_found(count, off
 def test_a_rest_near_a_singular_pose_raises_no_alarm(count, share, accelerations):
     leg, motion = there_and_back(share, count, 0.4, accelerations)
     found = tr.assemble_along(leg, motion)
-    assert np.abs(found["turn0"][0] - found["turn0"][-1]) < 0.5
+    start, direction = np.array([0.872, 3.103]), np.array([0.3, -1.0])
+    for row, lengths in enumerate(motion.q):
+        pose = found["turn0"][row], found["turn0"][row] + found["tilt"][row]
+        np.testing.assert_allclose(struts(pose), lengths, atol=1e-9)
+        # On the straight way of the platform, not in the other mode with struts of the same lengths.
+        way = (pose - start + math.pi) % (2.0 * math.pi) - math.pi
+        assert abs(way[0] * direction[1] - way[1] * direction[0]) < 1e-6
+
+
+@pytest.mark.parametrize("count", [8, 12, 20, 50, 200])
+@pytest.mark.parametrize("share", [1.03, 1.1, 1.2])
+def test_a_motion_into_the_other_mode_and_back_is_stopped_at_the_border(count, share):
+    """Where the platform is in the other mode its struts have the lengths of poses in this one."""
+    leg, motion = there_and_back(share, count, 0.5)
+    with pytest.raises((AssemblyError, SingularityError)) as caught:
+        tr.assemble_along(leg, motion)
+    border = math.asin(1.0 / share) / math.pi
+    assert min(abs(caught.value.time - border), abs(caught.value.time - 1.0 + border)) < 2.0 / count
+    assert caught.value.kind == "parallel"
+
+
+def detour(leg, count):
+    """A five-bar's cranks on a parabola from home to a pose that no straight way from home leads to."""
+    time = np.linspace(0.0, 1.0, count)[:, None]
+    by, end = np.array([-0.4, -0.8]), np.array([3.7, -3.0])
+    q = (1.0 - time) ** 2 * leg.home + 2.0 * time * (1.0 - time) * by + time**2 * end
+    v = 2.0 * (1.0 - time) * (by - leg.home) + 2.0 * time * (end - by)
+    return tr.Trajectory(time[:, 0], q, v, np.broadcast_to(2.0 * (end - 2.0 * by + leg.home), q.shape))
+
+
+def pins(motion, found):
+    """The pin (N, 2) m, by the left arm, and the gap to the right one."""
+    ends = []
+    for x, crank, knee in ((-0.1, "ma", "ka"), (0.1, "mb", "kb")):
+        first, second = found[crank], found[crank] + found[knee]
+        ends.append(
+            [
+                x + 0.2 * np.cos(first) + 0.25 * np.cos(second),
+                -0.2 * np.sin(first) - 0.25 * np.sin(second),
+            ]
+        )
+    left, right = np.array(ends)
+    return left.T, np.abs(left - right).max()
+
+
+@pytest.mark.parametrize("route", ["pinocchio", "symbolic"])
+@pytest.mark.parametrize("count", [2, 4, 6, 80])
+def test_a_motion_leads_to_where_straight_ways_from_home_do_not(route, count):
+    leg = ld.load(five_bar(foot=True), route=route)
+    motion = detour(leg, count)
+    state = motion.q, motion.v, motion.a
+    with pytest.raises(AssemblyError):
+        leg.torque(*state)
+    found = tr.torque_along(leg, motion)
+    pin, gap = pins(motion, found.coordinates)
+    assert gap < 1e-9
+    # The distal links' angle never passes through zero: one mode.
+    turn = found.coordinates["ma"] + found.coordinates["ka"] - found.coordinates["mb"] - found.coordinates["kb"]
+    assert (np.sign(np.sin(turn)) == np.sign(np.sin(turn[0]))).all()
+    # As from a home at its end.
+    ends = {name: math.remainder(angle[-1], 2.0 * math.pi) for name, angle in found.coordinates.items()}
+    values = "".join(f'<joint name="{name}" value="{angle!r}"/>' for name, angle in ends.items())
+    there = five_bar(foot=True, home=False).replace(
+        "</robot>", f'<configuration name="home">{values}</configuration></robot>'
+    )
+    other, last = ld.load(there, route="pinocchio"), slice(-max(count // 4, 1), None)
+    np.testing.assert_allclose(found.torque[last], other.torque(*(each[last] for each in state)), atol=1e-9)
+    with tr.along(leg, motion) as coordinates:
+        foot = leg.foot_position(motion.q)
+        np.testing.assert_allclose(leg.torque(*state), found.torque, atol=1e-12)
+        assert set(coordinates) == {"ma", "ka", "mb", "kb"}
+    np.testing.assert_allclose(foot[:, [0, 2]], pin, atol=1e-9)
+    # What a leg computes alone does not depend on what it was led through.
+    with pytest.raises(AssemblyError):
+        leg.torque(*(each[-1] for each in state))
+
+
+def test_samples_may_be_so_far_apart_that_the_straight_way_between_leaves_the_reach():
+    leg = ld.load(five_bar(), route="pinocchio")
+    motion = detour(leg, 2)
+    with pytest.raises(AssemblyError) as straight:
+        leg.backend.follow(motion.q)
+    assert len(leg.backend.follow(motion.q, (motion.time, motion.v, motion.a))) == 2
+    # Rates that tell no way, and a way that leaves the reach as well.
+    still = np.zeros_like(motion.v)
+    for v, a in ((still, still), (-motion.v, -motion.a)):
+        with pytest.raises(AssemblyError) as caught:
+            leg.backend.follow(motion.q, (motion.time, v, a))
+        assert str(caught.value) == str(straight.value)
+
+
+def test_a_pose_that_a_motion_passes_twice_in_two_ways_is_none_that_it_leads_to():
+    leg = ld.load(five_bar(), route="pinocchio")
+    mechanism = leg.backend.mechanism
+    state = mechanism.close(leg.home)
+    other = state.q.copy()
+    other[mechanism.dependent] += 0.5
+    turned = state.q.copy()
+    turned[mechanism.dependent] += 2.0 * math.pi
+    with mechanism.led(np.array([other])):
+        assert np.array_equal(mechanism.close(leg.home).q, other)
+    for pair in ([state.q, other], [other, state.q]):
+        with mechanism.led(np.array(pair)):
+            np.testing.assert_allclose(mechanism.close(leg.home).q, state.q, atol=1e-12)
+    with mechanism.led(np.array([turned, state.q])):
+        np.testing.assert_allclose(mechanism.close(leg.home).q, turned, atol=1e-12)
+    np.testing.assert_allclose(mechanism.close(leg.home).q, state.q, atol=1e-12)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from leg_dynamics.analysis.trajectories.csv_file import from_csv
 from leg_dynamics.analysis.trajectories.feasibility import OffsetWindow, feasible_offset_windows
-from leg_dynamics.analysis.trajectories.following import TorqueAlong, assemble_along, torque_along
+from leg_dynamics.analysis.trajectories.following import TorqueAlong, along, assemble_along, torque_along
 from leg_dynamics.analysis.trajectories.foot_path import FootPath
 from leg_dynamics.analysis.trajectories.gait import GaitCycle, gait_cycle
 from leg_dynamics.analysis.trajectories.omnileg import (
@@ -54,6 +54,7 @@ __all__ = [
     "TorqueAlong",
     "Trajectory",
     "TrajectoryFactory",
+    "along",
     "assemble_along",
     "blend",
     "check_periodic",

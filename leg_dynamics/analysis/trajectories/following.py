@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from leg_dynamics.analysis.trajectories.trajectory import Trajectory
     from leg_dynamics.leg import Leg
 
-__all__ = ["TorqueAlong", "assemble_along", "limit_flags", "located", "torque_along"]
+__all__ = ["TorqueAlong", "along", "assemble_along", "limit_flags", "located", "torque_along"]
 
 # Routes close the loops to rounding; two poses of one mode differ by less, whole turns aside.
 _SAME_POSE = 1e-6
@@ -67,6 +68,51 @@ def limit_flags(feasibility: Feasibility, time: NDArray[np.float64]) -> list[dic
     return rows
 
 
+@contextmanager
+def along(leg: Leg, motion: Trajectory) -> Iterator[Mapping[str, NDArray[np.float64]]]:
+    """Follow a trajectory; while inside, the leg's poses at its samples are those that it leads to.
+
+    A leg's own poses are those that the straight way from home leads to. A motion may lead further in the same
+    assembly mode: inside, the methods of `leg` compute its samples too, in this thread.
+
+    Parameters
+    ----------
+    leg : Leg
+    motion : Trajectory
+        Its rates and accelerations tell whether it touches a singular pose between two samples. Where they do not fit
+        the coordinates, as in a list of poses at rest, it is checked at its samples only.
+
+    Yields
+    ------
+    mapping of str to (N,) array
+        Every moving joint, as `assemble_along` returns it.
+
+    Raises
+    ------
+    AssemblyError, SingularityError
+        See `assemble_along`.
+    """
+    route = _continuing(leg)
+    continued, known = None, nullcontext()
+    if hasattr(route, "follow"):
+        try:
+            found = route.follow(motion.q, (motion.time, motion.v, motion.a))
+        except RowError as error:
+            raise located(error, leg, motion) from error
+        continued, known = _by_joint(route, found), route.led(found)
+        # Samples that only the motion leads to contradict nothing.
+        alone = route.apart(motion.q)
+        _compare(leg, motion, _by_joint(route, np.where(np.isnan(alone), found, alone)), continued)
+    with known:
+        try:
+            assembled = leg.assemble(motion.q)
+        except RowError as error:
+            raise located(error, leg, motion) from error
+        if continued is not None:
+            _compare(leg, motion, assembled, continued)
+        yield MappingProxyType(_continuous(leg, assembled, continued))
+
+
 def assemble_along(leg: Leg, motion: Trajectory) -> Mapping[str, NDArray[np.float64]]:
     """Tree coordinates along a trajectory, each continued from the sample before in the same assembly mode.
 
@@ -77,8 +123,7 @@ def assemble_along(leg: Leg, motion: Trajectory) -> Mapping[str, NDArray[np.floa
     ----------
     leg : Leg
     motion : Trajectory
-        Its rates and accelerations tell whether it touches a singular pose between two samples. Where they do not fit
-        the coordinates, as in a list of poses at rest, it is checked at its samples only.
+        See `along`.
 
     Returns
     -------
@@ -94,19 +139,8 @@ def assemble_along(leg: Leg, motion: Trajectory) -> Mapping[str, NDArray[np.floa
         differ, `difference` says by how much in which joints, and `nearest` which pose on the way is the nearest to a
         singular one (``time``, ``pose``, ``kind``, ``direction``, ``margin``).
     """
-    route: Any = leg.backend
-    if hasattr(route, "forget"):
-        route.forget()
-    try:
-        assembled = leg.assemble(motion.q)
-    except RowError as error:
-        # What leads to the failing sample says more than the sample alone.
-        _continued(leg, motion)
-        raise located(error, leg, motion) from error
-    continued = _continued(leg, motion)
-    if continued is not None:
-        _compare(leg, motion, assembled, continued)
-    return MappingProxyType(_continuous(leg, assembled, continued))
+    with along(leg, motion) as coordinates:
+        return coordinates
 
 
 def _continuing(leg: Leg) -> Any:
@@ -115,16 +149,7 @@ def _continuing(leg: Leg) -> Any:
     return getattr(route, "fallback", None) or route
 
 
-def _continued(leg: Leg, motion: Trajectory) -> Mapping[str, np.ndarray] | None:
-    """Tree coordinates by continuation; None where the route's formulas know one mode only."""
-    route = _continuing(leg)
-    if not hasattr(route, "follow"):
-        return None
-    try:
-        found = route.follow(motion.q)
-        route.check_between(found, motion.time, motion.q, motion.v, motion.a)
-    except RowError as error:
-        raise located(error, leg, motion) from error
+def _by_joint(route: Any, found: np.ndarray) -> Mapping[str, np.ndarray]:
     return dict(zip(route.tree_joint_names, found.T, strict=True))
 
 
@@ -145,15 +170,6 @@ def _continuous(
 
 def _compare(leg: Leg, motion: Trajectory, assembled: Mapping[str, Any], continued: Mapping[str, Any]) -> None:
     """Refuse a motion whose continuation is not what the leg makes of its samples, in a row or each alone."""
-    route = _continuing(leg)
-    alone = dict(zip(route.tree_joint_names, route.apart(motion.q).T, strict=True))
-    # A sample that only the motion leads to is no contradiction.
-    alone = {name: np.where(np.isnan(values), continued[name], values) for name, values in alone.items()}
-    for own in (assembled, alone):
-        _compare_with(leg, motion, own, continued)
-
-
-def _compare_with(leg: Leg, motion: Trajectory, assembled: Mapping[str, Any], continued: Mapping[str, Any]) -> None:
     turns = {joint.name: joint.unit == "rad" for joint in leg.description.joints}
     differences = {}
     for name, values in continued.items():
@@ -276,17 +292,17 @@ def torque_along(
     ActuationError, EffortLimitError
         See `leg_dynamics.leg.Leg.torque`; the latter with `time`.
     """
-    coordinates = assemble_along(leg, motion)
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):
-            if allow_idle:
-                torque, residual = leg.torque(
-                    motion.q, motion.v, motion.a, motion.foot_force, gravity, allow_idle=True, **policy
-                )
-            else:
-                torque = leg.torque(motion.q, motion.v, motion.a, motion.foot_force, gravity, **policy)
-                residual = np.zeros_like(motion.q)
-            feasibility = leg.feasible(motion.q, motion.v, motion.a, torque=torque)
-    except RowError as error:
-        raise located(error, leg, motion) from error
+    with along(leg, motion) as coordinates:
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                if allow_idle:
+                    torque, residual = leg.torque(
+                        motion.q, motion.v, motion.a, motion.foot_force, gravity, allow_idle=True, **policy
+                    )
+                else:
+                    torque = leg.torque(motion.q, motion.v, motion.a, motion.foot_force, gravity, **policy)
+                    residual = np.zeros_like(motion.q)
+                feasibility = leg.feasible(motion.q, motion.v, motion.a, torque=torque)
+        except RowError as error:
+            raise located(error, leg, motion) from error
     return TorqueAlong(motion.time, torque, residual, coordinates, feasibility)
