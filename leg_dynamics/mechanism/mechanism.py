@@ -21,6 +21,7 @@ from scipy.linalg import blas, lapack
 
 from leg_dynamics.description.model import STANDSTILL, Description
 from leg_dynamics.description.topology import actuated_joints, independent_joints
+from leg_dynamics.description.turns import WholeTurns
 from leg_dynamics.errors import (
     ActuationError,
     AssemblyError,
@@ -854,27 +855,16 @@ class Mechanism:
         return bool(off.dot(off) <= ANCHOR_SHARE**2 * expected.dot(expected) + POSE_ROUNDING**2)
 
     def unwound(self, q: np.ndarray) -> np.ndarray:
-        """Tree coordinates (nv,) with passive angles within half a turn of the first seed's.
+        """Tree coordinates (nv,) with passive angles in the turn that `WholeTurns` gives from the first seed.
 
-        Whole turns are no other pose, and how many there are depends on the way that the closure took. Angles in
-        couplings stay: there a turn counts.
+        How many turns there are depends on the way that the closure took.
         """
-        result = q.copy()
-        passive = self._turning
-        if not passive.size:
-            return result
-        home = self.seeds[0].q[passive]
-        turns = np.round((result[passive] - home) / (2.0 * math.pi))
-        if turns.any():
-            result[passive] -= 2.0 * math.pi * turns
-        return result
+        return self._whole_turns(q)
 
     @cached_property
-    def _turning(self) -> np.ndarray:
-        """Places of dependent angles in no coupling."""
-        is_angle = np.array([self.description.joint(name).unit == "rad" for name in self.tree.joint_names])
-        is_free = is_angle & ~self.closure.coupling_matrix.any(axis=0)
-        return np.array([place for place in self.dependent if is_free[place]], dtype=np.intp)
+    def _whole_turns(self) -> WholeTurns:
+        home = np.full(self.nv, np.nan) if self._is_open else self.seeds[0].q
+        return WholeTurns(self.description, self.tree.joint_names, self.joint_names, home)
 
     # ------------------------------------------------------------------ what rounding leaves of a result
 

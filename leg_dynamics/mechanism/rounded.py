@@ -47,10 +47,15 @@ def _scaled(mechanism: Mechanism, q: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return rows.residual, K / length, length
 
 
+def _shares(K: np.ndarray) -> np.ndarray:
+    """Singular values of rows relative to the largest, or to one where all are smaller."""
+    sigma: np.ndarray = np.linalg.svd(K, compute_uv=False)
+    return sigma / max(1.0, float(sigma.max(initial=0.0)))
+
+
 def doubtful_share(mechanism: Mechanism, q: np.ndarray) -> float:
     """By how little a row counts at a pose, q (nv,), where rounding may be all that it counts by; else 0."""
-    sigma = np.linalg.svd(_scaled(mechanism, q)[1], compute_uv=False)
-    share = sigma / max(1.0, float(sigma.max(initial=0.0)))
+    share = _shares(_scaled(mechanism, q)[1])
     return float(share[(share > ZERO_SHARE) & (share < DOUBTFUL_SHARE)].max(initial=0.0))
 
 
@@ -141,8 +146,10 @@ def closing_gap(mechanism: Mechanism, start: np.ndarray, meant: Collection[int] 
             if not doubtful_share(mechanism, pose):
                 return Gap()
             closed.append(pose)
-    if closed and _is_exact(mechanism, closed, meant):
-        return Gap(exact=True)
+    if closed:
+        is_exact = _is_exact(mechanism, closed, meant)
+        if is_exact is not False:
+            return Gap(exact=is_exact is True)
     lower, upper = mechanism.search_box()
     guesses += [generator.uniform(lower, upper) for _ in range(ATTEMPTS)]
     found: list[tuple[float, np.ndarray]] = []
@@ -160,29 +167,28 @@ def closing_gap(mechanism: Mechanism, start: np.ndarray, meant: Collection[int] 
 
 def _smallest_shares(mechanism: Mechanism, q: np.ndarray) -> float:
     """Largest of the singular values that rounding may have made, relative to the largest of all."""
-    K = mechanism.evaluate(q).jacobian * mechanism.closure.coordinate_unit
-    sigma = np.linalg.svd(K, compute_uv=False)
-    share = sigma / max(1.0, float(sigma.max(initial=0.0)))
+    share = _shares(mechanism.evaluate(q).jacobian * mechanism.closure.coordinate_unit)
     return float(share[share < DOUBTFUL_SHARE].max(initial=0.0))
 
 
-def _is_exact(mechanism: Mechanism, closed: list[np.ndarray], meant: Collection[int]) -> bool:
-    """Whether rows that count by little at exactly closed poses are meant to count."""
+def _is_exact(mechanism: Mechanism, closed: list[np.ndarray], meant: Collection[int]) -> bool | None:
+    """Whether rows that count by little at exactly closed poses are meant to count.
+
+    None where they are not, and count by more than what is taken for rounding.
+    """
     # Of the poses that tell most; at the others a motion more may be free.
     counts = []
     for q in closed:
-        sigma = np.linalg.svd(_scaled(mechanism, q)[1], compute_uv=False)
-        share = sigma / max(1.0, float(sigma.max(initial=0.0)))
+        share = _shares(_scaled(mechanism, q)[1])
         counts.append([mechanism.nv - int(np.count_nonzero(share > least)) for least in (ZERO_SHARE, DOUBTFUL_SHARE)])
     exact, nearly = np.min(counts, axis=0).tolist()
-    if max(doubtful_share(mechanism, q) for q in closed) > SMALL_SHARE:
+    is_large = max(doubtful_share(mechanism, q) for q in closed) > SMALL_SHARE
+    # That nothing moves is what rounding makes of a mechanism: no number speaks for it.
+    possible = (exact, nearly) if exact > 0 else (nearly,)
+    known = [number for number in meant if number in possible]
+    if exact > 0 and (known[0] == exact if known else is_large):
         return True
-    # No motion is what rounding leaves, whatever flags and drives say of the file as it is.
-    if exact > 0:
-        for number in meant:
-            if number in (exact, nearly):
-                return bool(number == exact)
-    return False
+    return None if is_large else False
 
 
 def open_loops(mechanism: Mechanism, q: np.ndarray) -> tuple[str, ...]:

@@ -347,7 +347,7 @@ def flat_triangle(height, flags="", more=""):
 @pytest.mark.parametrize("height", [3e-4, 1e-3, 2e-3])
 def test_a_flat_triangle_is_a_frame_and_no_rounded_mechanism(height, flags):
     """It closes to the last digit, and its weakest row counts by more than rounding."""
-    with pytest.raises(DescriptionError, match="the mechanism's mobility is 0"):
+    with pytest.raises(DescriptionError, match="leave 0 motions, but one of the rows counts by"):
         ld.load(flat_triangle(height, flags), route="pinocchio")
 
 
@@ -361,7 +361,9 @@ def test_drives_do_not_turn_a_frame_into_a_rounded_mechanism(height):
     drives = "".join(
         f'<transmission name="t{name}"><joint name="{name}"/><actuator name="m{name}"/></transmission>' for name in "ac"
     )
+    with pytest.raises(DescriptionError, match="leave 1 motions, but one of the rows counts by"):
+        ld.load(flat_triangle(height, more=swing + drives), route="pinocchio")
     with pytest.warns(LegDynamicsWarning, match="the loops leave 1 motion: taking c as independent"):
-        leg = ld.load(flat_triangle(height, more=swing + drives), route="pinocchio")
+        leg = ld.load(flat_triangle(height, more=swing), route="pinocchio")
     assert leg.joint_names == ("c",)
     assert leg.loop_gap == 0.0
