@@ -36,6 +36,9 @@ PARAMETERS = 10
 DEPENDENT = 1e-9
 EXACT = 1e-11
 NO_VALUE = 1e-14
+# Of singular values, relative to the largest: columns that the samples tell apart by less are not merged.
+WEAKEST = 1e-5
+BALANCINGS = 3
 # Of a coordinate's largest force: what merged bodies may differ by, a hundred times less in the legs that are shipped.
 CONFIRMED = 1e-13
 # The search for the cheapest combination: rounds, and shares of the largest term that count as small and as nothing.
@@ -232,7 +235,8 @@ def reduce_inertia(bodies: Sequence[Body], columns: np.ndarray) -> list[Body]:
 
     Parameters that the sampled motions cannot tell apart are merged into the cheapest of them; then, for these values,
     the cheapest combination with the same forces is sought. The samples are split: one part finds the
-    dependencies, the other must confirm them to rounding, or the bodies stay as they are.
+    dependencies, the other must confirm them to rounding, or the bodies stay as they are. So they do where the samples
+    tell the parameters that stay apart too weakly.
 
     Parameters
     ----------
@@ -250,23 +254,41 @@ def reduce_inertia(bodies: Sequence[Body], columns: np.ndarray) -> list[Body]:
     price = _prices(bodies).reshape(-1)
     size = np.linalg.norm(learn, axis=0)
     seen = np.flatnonzero(size > EXACT * size.max(initial=0.0))
-    unit_columns = learn[:, seen] / size[seen]
+    unit_columns, weights, size = _balanced(learn[:, seen])
     kept, basis = _independent_columns(unit_columns, price[seen])
-    target = learn @ theta
+    target = weights * (learn @ theta)
     supports = [kept]
     if kept.size < len(learn):
         supports.insert(0, _sparsest(basis.T @ unit_columns, basis.T @ target, price[seen]))
     for support in supports:
+        sigma = np.linalg.svd(unit_columns[:, support], compute_uv=False)
+        # What the samples hardly tell apart would be merged with few digits, and other poses may tell it apart well.
+        if sigma.min(initial=np.inf) < WEAKEST * sigma.max(initial=0.0):
+            continue
         solution, *_ = np.linalg.lstsq(unit_columns[:, support], target, rcond=None)
         solution[np.abs(solution) <= NO_VALUE * np.abs(solution).max(initial=0.0)] = 0.0
         merged = np.zeros_like(theta)
-        merged[seen[support]] = solution / size[seen[support]]
+        merged[seen[support]] = solution / size[support]
         # Coordinate by coordinate: what is nothing beside a heavy part is all that a light one has.
         error = np.abs(confirm @ (merged - theta)).reshape(-1, columns.shape[1]).max(axis=0, initial=0.0)
         weight = np.abs(confirm * theta).sum(axis=1).reshape(-1, columns.shape[1]).max(axis=0, initial=0.0)
         if (error <= CONFIRMED * weight).all():
             return _with_inertia(bodies, merged.reshape(count, PARAMETERS))
     return list(bodies)
+
+
+def _balanced(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Columns of unit length from rows of like weight, the rows' weights, and what the columns were divided by.
+
+    A pose beside a singular one, where small rates move much, would else stand for all.
+    """
+    weights, size = np.ones(len(columns)), np.ones(columns.shape[1])
+    for _ in range(BALANCINGS):
+        balanced = weights[:, None] * columns / size
+        length = np.linalg.norm(balanced, axis=1)
+        weights = weights / np.where(length > 0.0, length, 1.0)
+        size = size * np.linalg.norm(weights[:, None] * columns / size, axis=0)
+    return weights[:, None] * columns / size, weights, size
 
 
 def _independent_columns(columns: np.ndarray, price: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

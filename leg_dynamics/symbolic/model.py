@@ -29,6 +29,8 @@ __all__ = ["Model", "build_model"]
 SAMPLES = 240
 # Joint limits nearer to each other than this, rad or shares of the mechanism's length, tell too little.
 NARROW = 0.2
+# Poses that must differ for inertia to be merged; half of them must confirm it.
+DISTINCT = 40
 SPEED = 3.0
 ACCELERATION = 20.0
 # Merging is decided where the closure does not magnify rounding.
@@ -228,7 +230,7 @@ def build_model(
     directions = _directions(K[:, list(pivots.rows)], unit, n)
     rows = tuple(closure.candidates[row] for row in pivots.rows)
     pattern = pivots.pattern
-    if simplify and not parameters:
+    if simplify and not parameters and _are_varied(samples[:, :n] / unit[:n]):
         bodies = _merged(bodies, rows, K[:, list(pivots.rows)], samples, unit, n)
     explicit = None
     if simplify and coordinates.unknowns and not (regularity is not None and regularity.crosses):
@@ -318,6 +320,12 @@ def _directions(K: np.ndarray, unit: np.ndarray, n: int) -> np.ndarray:
         solved = np.linalg.solve(K[regular][:, :, n:], K[regular][:, :, :n] / unit[:n])
         result[regular, n:] = -solved * unit[n:, None]
     return result
+
+
+def _are_varied(y: np.ndarray) -> bool:
+    """Whether samples (S, n), without units, differ by enough to tell what holds for all poses from a coincidence."""
+    distinct = np.unique(y.round(6), axis=0)
+    return bool(len(distinct) >= DISTINCT and np.ptp(y, axis=0).min(initial=np.inf) >= 0.5 * NARROW)
 
 
 def _merged(

@@ -19,6 +19,9 @@ CLOSED = 1e-13
 CONTINUATION_STEP = 0.2
 # A home pose far outside the joint limits is not followed for ever.
 MOST_STAGES = 200
+# Ways that are shorter by these shares are tried where a larger share of the samples than that does not leave the seed.
+SHORTER = (0.25, 0.06, 0.015)
+MOST_STUCK = 0.25
 # The tangent must predict the corrected point to this share of the step, or the state stays where it was.
 CORRECTION_SHARE = 0.3
 
@@ -157,7 +160,8 @@ def sample_closed(
 ) -> tuple[np.ndarray, Ways | None]:
     """Closed states reached from the seed by continuation, the seed first.
 
-    A state that cannot be followed further stays at the last closed pose on its way.
+    A state that cannot be followed further stays at the last closed pose on its way; where most do not leave the seed,
+    they are sought nearer to it.
 
     Parameters
     ----------
@@ -174,7 +178,7 @@ def sample_closed(
     (count, nu) array
         The states.
     Ways or None
-        How they were reached; None where there are no loops to close.
+        How those were sought that are not nearer; None where there are no loops to close.
     """
     generator = np.random.default_rng(random_seed)
     n = arrays.n
@@ -185,4 +189,12 @@ def sample_closed(
         u[:, :n] = target
         return u, None
     ways = ways_from(arrays, seed, target)
-    return ways.poses[-1], ways
+    samples = ways.poses[-1]
+    # Where the first step is too long for most, beside a singular pose, shorter ones lead to poses that differ.
+    for share in SHORTER:
+        stuck = np.flatnonzero((samples == seed).all(axis=1))
+        if len(stuck) <= MOST_STUCK * count:
+            break
+        nearer = seed[:n] + share * (target[stuck] - seed[:n])
+        samples[stuck] = ways_from(arrays, seed, nearer, share * CONTINUATION_STEP).poses[-1]
+    return samples, ways

@@ -10,11 +10,13 @@ from leg_dynamics.errors import AssemblyError, DescriptionError
 from leg_dynamics.symbolic import model as symbolic_model
 from leg_dynamics.symbolic.closure import Closure
 from leg_dynamics.symbolic.coordinates import reduce_coordinates
+from leg_dynamics.symbolic.dynamics import Body, reduce_inertia
 from leg_dynamics.symbolic.model import build_model
+from leg_dynamics.symbolic.motion import Orientation, Position
 from leg_dynamics.symbolic.numbers import Numbers
 from leg_dynamics.symbolic.sampling import ClosureArrays
 from leg_dynamics.symbolic.seed import find_seed, needs_seed
-from leg_dynamics.symbolic.tree import build_tree, characteristic_length
+from leg_dynamics.symbolic.tree import BodyInertia, build_tree, characteristic_length
 
 
 @pytest.fixture(scope="module")
@@ -100,3 +102,59 @@ def test_joint_limits_that_leave_no_room_teach_no_coincidences(lab):
     wide = symbolic_model.build_model(parse(text), "foot")
     assert model.nz == wide.nz
     assert np.ptp(model.samples[:, 0]) > 0.1
+
+
+ROOT = Orientation(None, None, None, None)
+
+
+def units(count):
+    """Bodies (count) whose inertial parameters are 1, 2, ... each."""
+    return [
+        Body(ROOT, Position(0.0), BodyInertia(v[0], tuple(v[1:4]), tuple(v[4:])))
+        for v in (np.arange(1.0, 11.0) + 10.0 * k for k in range(count))
+    ]
+
+
+def columns_of(generator, samples=60, coordinates=2):
+    """Forces of 20 parameters of which every third is the sum of the two before, (S, n, 2, 10)."""
+    columns = generator.standard_normal((samples, coordinates, 20))
+    columns[..., 2::3] = columns[..., 0:-2:3] + columns[..., 1:-1:3]
+    return columns
+
+
+def parameters(bodies):
+    return np.array([body.inertia.values() for body in bodies], dtype=float).reshape(-1)
+
+
+@pytest.mark.parametrize("decades", [0.0, 3.0, 6.0])
+def test_merged_inertia_has_its_digits_where_some_poses_weigh_much_more(decades):
+    generator = np.random.default_rng(4)
+    columns = columns_of(generator)
+    # Beside a singular pose all forces are large.
+    columns *= 10.0 ** generator.uniform(0.0, decades, (60, 1, 1))
+    bodies = units(2)
+    merged = reduce_inertia(bodies, columns.reshape(60, 2, 2, 10))
+    assert len(merged) == 2
+    theta, found = parameters(bodies), parameters(merged)
+    assert np.count_nonzero(found) <= 14
+    other = columns_of(generator)
+    np.testing.assert_allclose(other @ found, other @ theta, rtol=1e-11, atol=1e-10)
+
+
+@pytest.mark.parametrize(("apart", "merges"), [(0.0, True), (1e-7, False), (1e-3, True)])
+def test_parameters_that_the_samples_hardly_tell_apart_are_not_merged(apart, merges):
+    generator = np.random.default_rng(5)
+    columns = columns_of(generator)
+    columns[..., 4] = columns[..., 3] + apart * columns[..., 4]
+    columns[..., 5] = columns[..., 3] + columns[..., 4]
+    bodies = units(2)
+    merged = reduce_inertia(bodies, columns.reshape(60, 2, 2, 10))
+    assert (np.count_nonzero(parameters(merged)) < 20) == merges
+
+
+@pytest.mark.parametrize(
+    ("distinct", "spread", "varied"), [(240, 1.0, True), (240, 0.05, False), (39, 1.0, False), (1, 1.0, False)]
+)
+def test_samples_that_hardly_differ_tell_nothing_of_other_poses(distinct, spread, varied):
+    y = spread * np.random.default_rng(6).uniform(-0.5, 0.5, (distinct, 3))
+    assert symbolic_model._are_varied(np.resize(y, (240, 3))) == varied

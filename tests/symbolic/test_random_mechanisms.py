@@ -12,7 +12,14 @@ from hypothesis import strategies as st
 
 import leg_dynamics as ld
 from leg_dynamics.description import parse
-from leg_dynamics.errors import ActuationError, DescriptionError, LegDynamicsError, SingularityError, UnsupportedError
+from leg_dynamics.errors import (
+    ActuationError,
+    DescriptionError,
+    LegDynamicsError,
+    LegDynamicsWarning,
+    SingularityError,
+    UnsupportedError,
+)
 from leg_dynamics.leg import Leg
 from leg_dynamics.routes import Recipe
 from leg_dynamics.symbolic.route import SymbolicRoute
@@ -220,6 +227,28 @@ def test_joints_with_several_coordinates_are_refused_by_both(lab, seed, kind):
     for found in both(lab.mechanisms.with_free_leaf(made, kind), made.foot, made.hip, lab):
         assert isinstance(found, UnsupportedError)
         assert "free_joint" in str(found)
+
+
+def test_a_home_beside_a_singular_pose_misleads_no_merged_inertia(lab):
+    """Steps of the usual size lead nowhere from there: what holds at one pose only was taken for a law."""
+    blocks = (
+        lab.mechanisms.Block("plane", "planar", spare=1, elsewhere=True),
+        lab.mechanisms.Block("space", "fixed", spare=1, elsewhere=True),
+    )
+    plan = lab.mechanisms.Plan(12310, "turned", blocks, "too few", "wide", False, "points", "none", "wrong")
+    made = lab.mechanisms.build(plan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LegDynamicsWarning)
+        legs = [ld.load(made.text, route=route) for route in ("pinocchio", "symbolic")]
+    generator, home, tried = np.random.default_rng(1), legs[0].home, 0
+    for radius in (0.05, 0.3, 1.0):
+        y = home + generator.uniform(-radius, radius, (40, len(home)))
+        one, other = (leg.mass_matrix(y, on_error="nan") for leg in legs)
+        closed = np.isfinite(one[:, 0, 0]) & np.isfinite(other[:, 0, 0])
+        tried += np.count_nonzero(closed)
+        size = np.abs(one[closed]).max(axis=(1, 2), keepdims=True)
+        np.testing.assert_allclose(one[closed] / size, other[closed] / size, atol=1e-10)
+    assert tried > 30
 
 
 def wrongly_flagged(made, generator) -> str:
