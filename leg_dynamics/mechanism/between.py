@@ -22,6 +22,8 @@ __all__ = ["SampledMotion", "Way", "lead"]
 # Share of the rates by which coordinates and rates, or rates and accelerations, of neighbouring samples may miss each
 # other and still tell one motion between them.
 FITTING = 0.2
+# rad or lengths of the mechanism: what rates that do not fit may miss the way by and still tell where it leads.
+LOOSE = 0.02
 # Share of the rates whose change in an interval is none.
 STEADY = 1e-3
 # Rounding of the coordinates.
@@ -32,6 +34,9 @@ UNKNOWN = 0.05
 QUINTIC = 0.02
 # What the neighbours tell of the error is off itself where it is large.
 UNSURE = 3.0
+# What the neighbours miss a sample by, times this, it may be off. Of exact samples it is 4 to the power of the levels
+# less at half the distance, of wrong ones about as much.
+NOISY, FALLING, FEWEST = 2.0, 3.0, 8
 # Where two polynomials through the same samples are held against each other, shares of the interval.
 PLACES = np.array([0.25, 0.5, 0.75])
 # Halvings of an interval that cannot be followed straight.
@@ -55,6 +60,8 @@ class Way:
         mechanism.
     error : float
         By how much the motion may be off the polynomial half way, in the same unit.
+    noise : float
+        By how much the samples themselves may be off, in the same unit.
     guessed : bool
         Whether the accelerations were not those of the samples.
     """
@@ -66,6 +73,7 @@ class Way:
     coefficients: np.ndarray
     blur: float
     error: float
+    noise: float
     guessed: bool
 
     def share(self, time: float) -> float:
@@ -73,8 +81,8 @@ class Way:
         return (time - self.start) / self.span
 
     def error_at(self, share: float) -> float:
-        """By how much the motion may be off the polynomial; nothing at both ends, where its rates are known as well."""
-        return self.error * (4.0 * share * (1.0 - share)) ** 2
+        """By how much the motion may be off the polynomial; at both ends, whose rates are known as well, by noise."""
+        return max(self.error * (4.0 * share * (1.0 - share)) ** 2, self.noise)
 
     def coordinates(self, share: float) -> np.ndarray:
         """Independent coordinates (n,)."""
@@ -109,7 +117,7 @@ class SampledMotion:
         return len(self.time)
 
     def way(self, row: int) -> Way | None:
-        """From the sample before to `row`; None where coordinates and rates do not belong to one motion.
+        """From the sample before to `row`; None where coordinates and rates do not belong to one motion at all.
 
         Accelerations that do not belong to it, such as the zeros of a motion that is only to be checked, are replaced
         by those that follow from coordinates and rates.
@@ -121,8 +129,11 @@ class SampledMotion:
         accelerated = all(self._is_accelerated(at) for at in range(max(row - 1, 1), min(row + 2, len(self))))
         # About where a motion turns back its rates are small at both ends.
         size = max(speed, 0.5 * h * slope) if accelerated else speed
+        loose = 0.0
         if not (self._fits(row, 0, size) or (accelerated and self._misfit(row, 0, bent=True) <= FITTING * size)):
-            return None
+            accelerated, loose = False, h * self._misfit(row, 0)
+            if speed == 0.0 or loose > LOOSE:
+                return None
         chord = 6.0 * (q[1] - q[0]) / h
         own = np.stack([chord - 4.0 * v[0] - 2.0 * v[1], -chord + 2.0 * v[0] + 4.0 * v[1]]) / h
         if accelerated:
@@ -131,7 +142,7 @@ class SampledMotion:
             a, apart, share, levels = own, UNKNOWN * np.abs(own).sum(axis=0), 1.0, 2
         coefficients = _quintic(h, q, v, a)
         blur = h**2 / 64.0 * float(np.linalg.norm(apart))
-        error = max(share * blur, UNSURE * self._error(row, levels, coefficients))
+        told = self._error(row, levels, coefficients)
         rounding = ROUNDING * (1.0 + float(np.abs(q).max()))
         return Way(
             float(self.time[row - 1]),
@@ -140,7 +151,8 @@ class SampledMotion:
             a * self.unit,
             coefficients * self.unit,
             blur + rounding,
-            error + rounding,
+            max(share * blur, UNSURE * told, loose) + rounding,
+            NOISY * self._noise(row, levels) + rounding,
             not accelerated,
         )
 
@@ -178,6 +190,30 @@ class SampledMotion:
         values = np.stack([x[row - 1], rates[row - 1], x[row], x[row + 1], rates[row + 1]])
         curve = KroghInterpolator(self.time[at] - self.time[row], values)
         return float(np.linalg.norm(curve.derivative(0.0, 1) - rates[row]))
+
+    def _noise(self, row: int, levels: int) -> float:
+        """By how much the samples before `row` and at it are wrong, or rates in step with each other; 0 of few samples.
+
+        That is how far they are from the polynomials through those beside them, if it does not fall as fast with the
+        distance of these as it does where samples are only far apart.
+        """
+        if len(self) < FEWEST:
+            return 0.0
+        rows = np.clip([row - 1, row], 2, len(self) - 3)
+        near, far = (max(self._missed(at, reach, levels) for at in rows) for reach in (1, 2))
+        return near if far <= FALLING**levels * near else 0.0
+
+    def _missed(self, row: int, reach: int, levels: int) -> float:
+        """Distance of a sample to the polynomial through those `reach` rows before and after."""
+        from scipy.interpolate import KroghInterpolator
+
+        ends = (row - reach, row + reach)
+        h = self.time[ends[1]] - self.time[ends[0]]
+        scale = h ** np.arange(levels)
+        values = np.stack([self._levels[level][at] * scale[level] for at in ends for level in range(levels)])
+        curve = KroghInterpolator(np.repeat([0.0, 1.0], levels), values)
+        share = (self.time[row] - self.time[ends[0]]) / h
+        return float(np.linalg.norm(curve(share) - self._levels[0][row]))
 
     def _error(self, row: int, levels: int, coefficients: np.ndarray) -> float:
         """Distance to the polynomial through the neighbours too; 0 without any."""

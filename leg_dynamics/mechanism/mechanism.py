@@ -330,6 +330,10 @@ class Mechanism:
         state.G = G
         return state
 
+    def place_of(self, q: np.ndarray) -> ClosedState:
+        """The state at any tree coordinates q (nv,), closed or not; without G."""
+        return self._state(q, self.evaluate(q))
+
     def state_of(self, q: np.ndarray) -> ClosedState:
         """The state at tree coordinates q (nv,) that close the loops already.
 

@@ -237,6 +237,9 @@ class PinocchioRoute:
                     states.append(self._next(states[-1], y, row, sampled))
                     self._check_held(*states[-2:])
             except RowError as error:
+                if sampled is not None:
+                    # What was followed so far may have lost the mode already.
+                    check_touching(mechanism, states[:row], sampled)
                 failures = RowFailures()
                 failures.add(row, error)
                 raise failures.combined(len(q)) from None

@@ -38,6 +38,10 @@ EXPLAINED = 0.02
 SMALLEST_WAY = 1e-6
 # Singular values change by no more than about that much in a unit of the coordinates.
 FALLING = 2.0
+# Of what an interval moves towards a singular pose before it turns back: nearer than that it may reach it.
+TURNING, PLACES = 0.05, np.linspace(0.0, 1.0, 9)
+# rad or lengths: from farther off the kind of a singular pose is not looked for at the pose itself.
+FARTHEST_FOLD = 0.5
 # Nearness that falls by its last step times this would be gone.
 VANISHING = 4.0
 # Of the interval, where the nearest pose is looked for.
@@ -56,6 +60,19 @@ class _Point:
     accelerations: np.ndarray
 
 
+@dataclass(frozen=True)
+class _Fold:
+    """The loops' residual along the weakest passive motion x: normal . y + sigma x + bend x^2 / 2.
+
+    Where it vanishes for one x only, the pose is singular. `weakest` (nv,) in rad and m, the rest without units.
+    """
+
+    sigma: float
+    bend: float
+    normal: np.ndarray
+    weakest: np.ndarray
+
+
 def check_touching(mechanism: Mechanism, states: list[ClosedState], motion: SampledMotion) -> None:
     """Check that a motion does not touch a singular pose of the closure between its samples.
 
@@ -65,8 +82,8 @@ def check_touching(mechanism: Mechanism, states: list[ClosedState], motion: Samp
     Parameters
     ----------
     mechanism : Mechanism
-    states : list of N ClosedState
-        Of the samples, each continued from the one before.
+    states : list of ClosedState
+        Of the samples, or of the first of them, each continued from the one before.
     motion : SampledMotion
 
     Raises
@@ -74,20 +91,20 @@ def check_touching(mechanism: Mechanism, states: list[ClosedState], motion: Samp
     SingularityError
         With `time`, s, `pose`, `kind`, `direction` and `margin` of the pose nearest to the singular one.
     """
-    if mechanism.is_open or not mechanism.dependent.size or len(motion) < 2:
+    if mechanism.is_open or not mechanism.dependent.size or len(states) < 2:
         return
-    pivots = np.array([state.smallest_pivot for state in states])
+    sigma = np.array([mechanism.singular_values(state)[-1] for state in states])
 
     def point(row: int) -> _Point:
         return _point(mechanism, float(motion.time[row]), states[row], motion.v[row], motion.a[row])
 
     unclear: list[_Interval] = []
     after = point(0)
-    for row in range(1, len(motion)):
+    for row in range(1, len(states)):
         before, after = after, point(row)
         interval = _Interval(mechanism, motion, row, before, after)
         interval.check()
-        if _may_vanish(pivots, row):
+        if _may_vanish(sigma, row):
             interval.check_nearest()
         if interval.is_unclear():
             unclear.append(interval)
@@ -103,11 +120,11 @@ def check_touching(mechanism: Mechanism, states: list[ClosedState], motion: Samp
         )
 
 
-def _may_vanish(pivots: np.ndarray, row: int) -> bool:
+def _may_vanish(sigma: np.ndarray, row: int) -> bool:
     """Whether what is positive at all samples, and zero at singular poses, may be zero between two of them."""
-    left, right = pivots[row - 1], pivots[row]
-    falls = pivots[row - 2] - left if row > 1 else np.inf
-    rises = pivots[row + 1] - right if row + 1 < len(pivots) else np.inf
+    left, right = sigma[row - 1], sigma[row]
+    falls = sigma[row - 2] - left if row > 1 else np.inf
+    rises = sigma[row + 1] - right if row + 1 < len(sigma) else np.inf
     if not (falls > 0.0 and rises > 0.0):
         return False
     return bool(left <= VANISHING * falls and right <= VANISHING * rises and min(falls, rises) < np.inf)
@@ -167,7 +184,7 @@ class _Interval:
     def check_nearest(self) -> None:
         """Raise where the nearest pose to a singular one that the polynomial comes to is not told from it."""
         way = self.way
-        if way is None or self.span * float(np.linalg.norm(way.v / self.motion.unit)) < SMALLEST_WAY:
+        if way is None or self.rates * self.span < SMALLEST_WAY:
             return
         from scipy.optimize import minimize_scalar
 
@@ -187,26 +204,38 @@ class _Interval:
             raise self._met(error, self.before, self.after) from None
         assert self.nearest is not None
         _, time, state = self.nearest
-        if self._distance(state) <= way.error_at(way.share(time)):
+        if self._touches(way, way.share(time), state):
             raise self._touched()
 
-    def _distance(self, state: ClosedState) -> float:
-        """How far the independent coordinates of a pose are from those of a singular one, at least.
+    def _touches(self, way: Way, share: float, state: ClosedState) -> bool:
+        """Whether a pose of the way is no farther from a singular one than the motion may be off the polynomial.
 
-        Along the weakest motion x the loops' residual is normal . y + sigma x + bend x^2 / 2; where it vanishes for one
-        x only, the pose is singular. Near a cusp, or where the loops lose rank altogether, bend or normal vanish too:
-        then what is of higher order counts, as if they were as large as the root of sigma.
+        Nor, where the motion turns back there, than a small share of the way to it: of samples with few digits, or of
+        rates that are differences of the samples, a motion that passes the singular pose looks as if it turned back
+        just before.
         """
+        fold = self._fold(state)
+        # Near a cusp, or where the loops lose rank altogether, bend or normal vanish too: then what is of higher order
+        # counts, as if they were as large as the root of sigma.
+        least = fold.sigma**0.5
+        size = float(np.linalg.norm(fold.normal))
+        distance = fold.sigma**2 / (2.0 * max(abs(fold.bend), least) * max(size, least))
+        towards = way.v / self.motion.unit @ fold.normal
+        turned = 0.0
+        if towards[0] * towards[1] < 0.0:
+            poses = np.array([way.coordinates(each) for each in PLACES]) / self.motion.unit
+            turned = float(np.ptp(poses @ fold.normal)) / size
+        return distance <= max(way.error_at(share), TURNING * turned)
+
+    def _fold(self, state: ClosedState) -> _Fold:
         mechanism = self.mechanism
-        unit = mechanism.closure.coordinate_unit
         rows, values, motions = np.linalg.svd(state.dependent_jacobian, full_matrices=False)
-        sigma, weakest = float(values[-1]), np.zeros(mechanism.nv)
-        weakest[mechanism.dependent] = motions[-1] * unit[mechanism.dependent]
-        bend = abs(float(rows[:, -1] @ mechanism.closure_drift(state, weakest)))
+        weakest = np.zeros(mechanism.nv)
+        weakest[mechanism.dependent] = motions[-1] * mechanism.closure.coordinate_unit[mechanism.dependent]
+        # The drift is minus the second derivative.
+        bend = -float(rows[:, -1] @ mechanism.closure_drift(state, weakest))
         columns = state.rows.jacobian[:, mechanism.independent] * self.motion.unit
-        normal = float(np.linalg.norm(rows[:, -1] @ columns))
-        least = sigma**0.5
-        return sigma**2 / (2.0 * max(bend, least) * max(normal, least))
+        return _Fold(float(values[-1]), bend, rows[:, -1] @ columns, weakest)
 
     def _at(self, way: Way, time: float, start: ClosedState) -> _Point:
         share = way.share(time)
@@ -226,7 +255,7 @@ class _Interval:
             arrived = self.mechanism.follow(middle.state, right.state.y)
         except (AssemblyError, SingularityError) as error:
             raise self._met(error, left, right) from None
-        touches = self._distance(middle.state) <= way.error_at(way.share(time))
+        touches = self._touches(way, way.share(time), middle.state)
         if touches or pose_difference(self.mechanism, arrived, right.state) > SAME_POSE:
             self._note(time, middle.state, float(self.mechanism.singular_values(middle.state)[-1]))
             raise self._touched()
@@ -266,7 +295,13 @@ class _Interval:
         """The error of a motion that comes nearer to a singular pose than its samples tell."""
         assert self.nearest is not None
         sigma, time, state = self.nearest
+        fold = self._fold(state)
         singular = self.mechanism.singular(state)
+        if fold.sigma < FARTHEST_FOLD * abs(fold.bend):
+            # The kind is that of the singular pose itself, not of one some way off.
+            there = self.mechanism.place_of(state.q - fold.sigma / fold.bend * fold.weakest)
+            if self.mechanism.singular_values(there)[-1] < sigma:
+                singular = self.mechanism.singular(there)
         return self._error(sigma, time, state.q, str(singular), singular.kind, singular.direction)
 
     def _met(self, error: RowError, left: _Point, right: _Point) -> RowError:

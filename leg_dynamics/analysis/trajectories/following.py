@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from leg_dynamics.actuation import Feasibility
 from leg_dynamics.description.turns import TURN, WholeTurns
 from leg_dynamics.errors import AssemblyError, RowError
+from leg_dynamics.leg import checked
 
 if TYPE_CHECKING:
     from leg_dynamics.analysis.trajectories.trajectory import Trajectory
@@ -91,7 +92,10 @@ def along(leg: Leg, motion: Trajectory) -> Iterator[Mapping[str, NDArray[np.floa
     ------
     AssemblyError, SingularityError
         See `assemble_along`.
+    ShapeError
+        The trajectory is not one of this leg.
     """
+    checked("motion.q", motion.q, len(leg.joint_names))
     route = _continuing(leg)
     continued, known = None, nullcontext()
     if hasattr(route, "follow"):
