@@ -12,10 +12,17 @@ from scipy.optimize import brentq
 
 import leg_dynamics as ld
 from leg_dynamics.analysis import trajectories as tr
-from leg_dynamics.errors import ActuationError, AssemblyError, EffortLimitError, LegDynamicsWarning, SingularityError
+from leg_dynamics.errors import (
+    ActuationError,
+    AssemblyError,
+    EffortLimitError,
+    LegDynamicsWarning,
+    ShapeError,
+    SingularityError,
+)
 
 from ..five_bar import TOGGLE, five_bar
-from ..four_bar import COUPLER, HOME, ROCKER, four_bar, passive
+from ..four_bar import COUPLER, CRANK, GROUND, HOME, ROCKER, four_bar, passive
 from ..four_bar import TOGGLE as TOGGLE_CRANK
 from ..three_rpr import struts, three_rpr
 
@@ -341,6 +348,124 @@ def test_a_motion_into_the_other_mode_and_back_is_stopped_at_the_border(count, s
     border = math.asin(1.0 / share) / math.pi
     assert min(abs(caught.value.time - border), abs(caught.value.time - 1.0 + border)) < 2.0 / count
     assert caught.value.kind == "parallel"
+
+
+def swings(over, count, shape="cos", lowest=2.1):
+    """A four-bar whose rocker swings `over` rad past its dead point with the crank, at `count` times of 1 s.
+
+    Exact coordinates, rates and accelerations of the crank, and the passive angles b and c of the whole motion.
+    """
+    t = np.linspace(0.0, 1.0, count)
+    share, rate, bend = {
+        "cos": ((1 - np.cos(np.pi * t)) / 2, np.pi * np.sin(np.pi * t) / 2, np.pi**2 * np.cos(np.pi * t) / 2),
+        "quintic": (10 * t**3 - 15 * t**4 + 6 * t**5, 30 * t**2 * (1 - t) ** 2, 60 * t * (1 - t) * (1 - 2 * t)),
+        "sin2": (np.sin(np.pi * t) ** 2, np.pi * np.sin(2 * np.pi * t), 2 * np.pi**2 * np.cos(2 * np.pi * t)),
+    }[shape]
+    # Coupler and rocker in line, by the triangle of ground, crank and both.
+    reach = COUPLER + ROCKER
+    dead = math.pi - math.acos((GROUND**2 + reach**2 - CRANK**2) / (2.0 * GROUND * reach))
+    way = dead + over - lowest
+    c, v, a = lowest + way * share, way * rate, way * bend
+
+    def crank(c):
+        """Its angle where the coupler spans it and the rocker's pin, with two derivatives by c, closed form."""
+        pin = np.array([GROUND + ROCKER * np.cos(c), ROCKER * np.sin(c)])
+        square = (pin**2).sum(axis=0)
+        distance = np.sqrt(square)
+        cosine = (CRANK**2 + square - COUPLER**2) / (2.0 * CRANK * distance)
+        # d(square)/dc and its derivative; then those of the pin's direction and of the corner.
+        ds, dds = -2.0 * GROUND * ROCKER * np.sin(c), -2.0 * GROUND * ROCKER * np.cos(c)
+        f = (CRANK**2 - COUPLER**2) / (2.0 * CRANK)
+        dcos = (1.0 / (2.0 * CRANK) - f / square) * ds / (2.0 * distance)
+        ddcos = (1.0 / (2.0 * CRANK) - f / square) * (
+            dds / (2.0 * distance) - ds**2 / (4.0 * distance**3)
+        ) + f * ds**2 / (2.0 * square**2 * distance)
+        sine = np.sqrt(1.0 - cosine**2)
+        corner, dcorner = np.arccos(cosine), -dcos / sine
+        ddcorner = -ddcos / sine - cosine * dcos**2 / sine**3
+        turn = (ROCKER**2 + GROUND * ROCKER * np.cos(c)) / square
+        dturn = -GROUND * ROCKER * np.sin(c) / square - turn * ds / square
+        return np.arctan2(pin[1], pin[0]) + corner, turn + dcorner, dturn + ddcorner
+
+    angle, slope, curve = crank(c)
+    tip = CRANK * np.array([np.cos(angle), np.sin(angle)])
+    b = np.arctan2(ROCKER * np.sin(c) - tip[1], GROUND + ROCKER * np.cos(c) - tip[0]) - angle
+    return tr.Trajectory(t, angle[:, None], (slope * v)[:, None], (slope * a + curve * v**2)[:, None]), b, c
+
+
+def test_the_swinging_rocker_of_these_tests_has_its_own_derivatives():
+    motion, b, c = swings(-0.3, 2001)
+    inner = slice(1, -1)
+    np.testing.assert_allclose(np.gradient(motion.q[:, 0], motion.time)[inner], motion.v[inner, 0], atol=1e-5)
+    np.testing.assert_allclose(np.gradient(motion.v[:, 0], motion.time)[inner], motion.a[inner, 0], atol=1e-4)
+    found = tr.assemble_along(ld.load(four_bar()), motion)
+    for name, angle in (("b", b), ("c", c)):
+        assert np.abs(np.remainder(found[name] - angle + math.pi, 2.0 * math.pi) - math.pi).max() < 1e-9
+
+
+def by_differences(motion):
+    v = np.gradient(motion.q, motion.time, axis=0)
+    return tr.Trajectory(motion.time, motion.q, v, np.gradient(v, motion.time, axis=0))
+
+
+INEXACT = {
+    "exact": lambda motion: motion,
+    "6 decimals": lambda motion: tr.Trajectory(
+        motion.time, *(np.round(each, 6) for each in (motion.q, motion.v, motion.a))
+    ),
+    "single precision": lambda motion: tr.Trajectory(
+        motion.time, *(each.astype(np.float32).astype(float) for each in (motion.q, motion.v, motion.a))
+    ),
+    "differences": by_differences,
+    "noise": lambda motion: tr.Trajectory(
+        motion.time,
+        motion.q,
+        *(each * (1.0 + 1e-5 * np.random.default_rng(7).standard_normal(each.shape)) for each in (motion.v, motion.a)),
+    ),
+}
+
+
+@pytest.mark.parametrize("change", INEXACT)
+@pytest.mark.parametrize("shape", ["cos", "quintic", "sin2"])
+@pytest.mark.parametrize("count", [20, 37, 100, 200])
+@pytest.mark.parametrize("over", [0.05, 0.3])
+def test_a_motion_past_a_dead_point_is_stopped_there_whatever_its_digits(change, shape, count, over):
+    """The crank of the samples turns back at the dead point, or just before it where they are inexact."""
+    motion = INEXACT[change](swings(over, count, shape)[0])
+    with pytest.raises(SingularityError) as caught:
+        tr.assemble_along(ld.load(four_bar()), motion)
+    assert caught.value.kind == "parallel"
+    assert caught.value.pose["a"] == pytest.approx(TOGGLE_CRANK, abs=0.02)
+
+
+@pytest.mark.parametrize("change", INEXACT)
+@pytest.mark.parametrize("shape", ["cos", "quintic", "sin2"])
+@pytest.mark.parametrize("count", [37, 100, 200])
+@pytest.mark.parametrize("over", [-0.2, -0.5])
+def test_a_motion_before_a_dead_point_is_followed_whatever_its_digits(change, shape, count, over):
+    exact, b, c = swings(over, count, shape)
+    found = tr.assemble_along(ld.load(four_bar()), INEXACT[change](exact))
+    for name, angle in (("b", b), ("c", c)):
+        assert np.abs(np.remainder(found[name] - angle + math.pi, 2.0 * math.pi) - math.pi).max() < 1e-4
+
+
+def test_the_first_loss_of_the_mode_is_the_one_that_is_named():
+    """The crank touches the toggle angle at 0.3 s, and runs beyond it at 0.9 s."""
+    t = np.linspace(0.0, 1.0, 200) ** 1.01
+    a = TOGGLE_CRANK - 2.0 * (t - 0.3) ** 2 * (0.9 - t)
+    v = -4.0 * (t - 0.3) * (0.9 - t) + 2.0 * (t - 0.3) ** 2
+    acceleration = -4.0 * (0.9 - t) + 8.0 * (t - 0.3)
+    motion = tr.Trajectory(t, a[:, None], v[:, None], acceleration[:, None])
+    with pytest.raises(SingularityError) as caught:
+        tr.assemble_along(ld.load(four_bar()), motion)
+    assert caught.value.time == pytest.approx(0.3, abs=5e-3)
+
+
+def test_a_motion_of_another_leg_is_named():
+    wrong = tr.Trajectory(np.linspace(0.0, 1.0, 5), *(np.zeros((5, 3)),) * 3)
+    for call in (tr.assemble_along, tr.torque_along):
+        with pytest.raises(ShapeError, match=r"motion.q has shape \(5, 3\), expected"):
+            call(ld.load(five_bar()), wrong)
 
 
 def detour(leg, count):

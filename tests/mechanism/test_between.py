@@ -137,3 +137,40 @@ def test_the_way_leads_along_the_polynomial_until_the_mode_ends():
     beyond = SampledMotion(np.array([0.0, 1.0]), q, -v, np.full((2, 1), -4.0), np.ones(1)).way(1)
     with pytest.raises(AssemblyError):
         lead(mechanism, beyond, start, 0.0, 0.5)
+
+
+@pytest.mark.parametrize("accelerations", [True, False])
+@pytest.mark.parametrize(
+    ("digits", "least", "most"), [(None, 0.0, 1e-9), (8, 1e-9, 2e-7), (6, 1e-7, 2e-5), (4, 1e-5, 2e-3)]
+)
+def test_samples_with_few_digits_are_as_far_off_as_their_digits(digits, least, most, accelerations):
+    time = np.linspace(0.0, 1.0, 400)
+    levels = [each if digits is None else np.round(each, digits) for each in sine(time, 5.0)]
+    levels[2] = levels[2] * accelerations
+    motion = SampledMotion(time, *levels, UNIT)
+    noise = np.array([motion.way(row).noise for row in range(1, 400)])
+    assert least <= np.median(noise) <= most
+
+
+def test_rates_by_differences_are_seen():
+    """Smooth, and yet wrong: told to within a factor of two."""
+    time = np.linspace(0.0, 1.0, 60)
+    q, _, _ = sine(time, 6.0)
+    v = np.gradient(q, time, axis=0)
+    motion = SampledMotion(time, q, v, np.gradient(v, time, axis=0), UNIT)
+    for row in range(5, 55):
+        way = motion.way(row)
+        assert off(way, lambda at: sine(at, 6.0)).max() <= 2.0 * max(way.error, way.noise)
+
+
+@pytest.mark.parametrize(("size", "known"), [(1e-2, True), (1.0, False)])
+def test_rates_that_do_not_fit_may_tell_enough_of_a_short_way(size, known):
+    time = np.linspace(0.0, 1.0, 5)
+    q = size * np.stack([time, time], axis=1)
+    v = np.broadcast_to([0.3 * size, 0.3 * size], q.shape)
+    way = SampledMotion(time, q, v, 0.0 * v, UNIT).way(2)
+    assert (way is not None) == known
+    if known:
+        # All that the rates leave open of the way.
+        assert way.guessed
+        assert way.error >= 0.25 * 0.7 * np.linalg.norm([size, 5.0 * size]) * 0.99
