@@ -36,7 +36,7 @@ QUINTIC = 0.02
 UNSURE = 3.0
 # What the neighbours miss a sample by, times this, it may be off. Of exact samples it is 4 to the power of the levels
 # less at half the distance, of wrong ones about as much.
-NOISY, FALLING, FEWEST = 3.0, 3.0, 8
+NOISY, FALLING, FEWEST = 2.0, 3.0, 8
 # Where two polynomials through the same samples are held against each other, shares of the interval.
 PLACES = np.array([0.25, 0.5, 0.75])
 # Halvings of an interval that cannot be followed straight.
