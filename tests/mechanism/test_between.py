@@ -153,14 +153,14 @@ def test_samples_with_few_digits_are_as_far_off_as_their_digits(digits, least, m
 
 
 def test_rates_by_differences_are_seen():
-    """Smooth, and yet wrong: told to within a factor of four."""
+    """Smooth, and yet wrong: told to its order."""
     time = np.linspace(0.0, 1.0, 60)
     q, _, _ = sine(time, 6.0)
     v = np.gradient(q, time, axis=0)
     motion = SampledMotion(time, q, v, np.gradient(v, time, axis=0), UNIT)
     for row in range(5, 55):
         way = motion.way(row)
-        assert off(way, lambda at: sine(at, 6.0)).max() <= 4.0 * max(way.error, way.noise)
+        assert off(way, lambda at: sine(at, 6.0)).max() <= 10.0 * max(way.error, way.noise)
 
 
 @pytest.mark.parametrize(("size", "known"), [(1e-2, True), (1.0, False)])
