@@ -17,6 +17,7 @@ from leg_dynamics.errors import (
     AssemblyError,
     EffortLimitError,
     LegDynamicsWarning,
+    NonFiniteError,
     ShapeError,
     SingularityError,
 )
@@ -466,6 +467,18 @@ def test_a_motion_of_another_leg_is_named():
     for call in (tr.assemble_along, tr.torque_along):
         with pytest.raises(ShapeError, match=r"motion.q has shape \(5, 3\), expected"):
             call(ld.load(five_bar()), wrong)
+
+
+@pytest.mark.parametrize("route", ["pinocchio", "symbolic"])
+def test_rates_beyond_all_numbers_are_named(route):
+    for factor in (1e80, 1e200):
+        wild = tr.Trajectory(INSIDE.time, INSIDE.q, factor * INSIDE.v, INSIDE.a)
+        with pytest.raises(NonFiniteError, match=r"accelerations at t = 0 s of .* too large to be followed") as caught:
+            tr.assemble_along(ld.load(five_bar(), route=route), wild)
+        assert caught.value.rows[0] == 0
+    quick = tr.Trajectory(INSIDE.time, INSIDE.q, 1e70 * INSIDE.v, INSIDE.a)
+    with pytest.warns(LegDynamicsWarning, match="do not fit its coordinates"):
+        tr.assemble_along(ld.load(five_bar(), route=route), quick)
 
 
 def detour(leg, count):

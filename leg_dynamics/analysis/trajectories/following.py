@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from leg_dynamics.actuation import Feasibility
 from leg_dynamics.description.turns import TURN, WholeTurns
-from leg_dynamics.errors import AssemblyError, RowError
+from leg_dynamics.errors import AssemblyError, NonFiniteError, RowError
 from leg_dynamics.leg import checked
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ __all__ = ["TorqueAlong", "along", "assemble_along", "limit_flags", "located", "
 _SAME_POSE = 1e-6
 # A pose that is off the straight way by a larger share of it was met elsewhere.
 _SAME_WAY = 1e-6
+# rad/s and m/s, rad/s² and m/s²; the squares of larger ones overflow.
+_FASTEST = 1e75
 
 
 @dataclass(frozen=True)
@@ -92,10 +94,19 @@ def along(leg: Leg, motion: Trajectory) -> Iterator[Mapping[str, NDArray[np.floa
     ------
     AssemblyError, SingularityError
         See `assemble_along`.
-    ShapeError
-        The trajectory is not one of this leg.
+    ShapeError, NonFiniteError
+        The trajectory is not one of this leg; its rates are too large to compute with.
     """
     checked("motion.q", motion.q, len(leg.joint_names))
+    rates = np.hstack([motion.v, motion.a])
+    fast = np.flatnonzero(~(np.abs(rates).max(axis=1, initial=0.0) <= _FASTEST))
+    if fast.size:
+        value = float(np.abs(rates[fast[0]]).max())
+        raise NonFiniteError(
+            f"the rates or accelerations at t = {motion.time[fast[0]]:.6g} s of {motion.name} reach {value:.3g}, too "
+            f"large to be followed, the limit is {_FASTEST:g}: check their units",
+            rows=fast,
+        )
     route = _continuing(leg)
     continued, known = None, nullcontext()
     if hasattr(route, "follow"):
