@@ -2,7 +2,9 @@
 
 Between two samples the motion is taken for the polynomial of degree five through their coordinates, rates and
 accelerations. How far the motion may be from it, the polynomial through their neighbours as well tells: both miss the
-motion by little where the samples are dense, and differ by about the first one's error where they are not.
+motion by little where the samples are dense, and differ by about the first one's error where they are not. How far the
+samples themselves may be off, with few digits or differences for rates, tells the polynomial through those beside them:
+what it misses them by hardly depends on how far these are.
 """
 
 from __future__ import annotations
