@@ -17,6 +17,10 @@ import numpy as np
 from leg_dynamics.errors import AssemblyError, SingularityError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scipy.interpolate import KroghInterpolator
+
     from leg_dynamics.mechanism.mechanism import ClosedState, Mechanism
 
 __all__ = ["SampledMotion", "Way", "lead"]
@@ -207,27 +211,24 @@ class SampledMotion:
 
     def _missed(self, row: int, reach: int, levels: int) -> float:
         """Distance of a sample to the polynomial through those `reach` rows before and after."""
+        first, last = row - reach, row + reach
+        h = self.time[last] - self.time[first]
+        share = (self.time[row] - self.time[first]) / h
+        return float(np.linalg.norm(self._through([first, last], levels, first, h)(share) - self._levels[0][row]))
+
+    def _through(self, rows: Sequence[int], levels: int, start: int, h: float) -> KroghInterpolator:
+        """The polynomial through so many levels of some samples, by time from one of them in units of h, s."""
         from scipy.interpolate import KroghInterpolator
 
-        ends = (row - reach, row + reach)
-        h = self.time[ends[1]] - self.time[ends[0]]
-        scale = h ** np.arange(levels)
-        values = np.stack([self._levels[level][at] * scale[level] for at in ends for level in range(levels)])
-        curve = KroghInterpolator(np.repeat([0.0, 1.0], levels), values)
-        share = (self.time[row] - self.time[ends[0]]) / h
-        return float(np.linalg.norm(curve(share) - self._levels[0][row]))
+        values = np.stack([self._levels[level][at] * h**level for at in rows for level in range(levels)])
+        return KroghInterpolator(np.repeat((self.time[rows] - self.time[start]) / h, levels), values)
 
     def _error(self, row: int, levels: int, coefficients: np.ndarray) -> float:
         """Distance to the polynomial through the neighbours too; 0 without any."""
-        from scipy.interpolate import KroghInterpolator
-
-        rows = np.arange(max(row - 2, 0), min(row + 2, len(self)))
+        rows = list(range(max(row - 2, 0), min(row + 2, len(self))))
         if len(rows) == 2:
             return 0.0
-        h = self.time[row] - self.time[row - 1]
-        scale = h ** np.arange(levels)
-        values = np.stack([self._levels[level][at] * scale[level] for at in rows for level in range(levels)])
-        curve = KroghInterpolator(np.repeat((self.time[rows] - self.time[row - 1]) / h, levels), values)
+        curve = self._through(rows, levels, row - 1, self.time[row] - self.time[row - 1])
         difference = curve(PLACES) - PLACES[:, None] ** np.arange(6.0) @ coefficients
         return float(np.linalg.norm(difference, axis=1).max())
 
@@ -253,6 +254,17 @@ def lead(
     mechanism: Mechanism, way: Way, state: ClosedState, start: float, share: float, halvings: int = HALVINGS
 ) -> ClosedState:
     """The pose at a share of an interval from the one at another, along the polynomial where no straight way leads.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    way : Way
+    state : ClosedState
+        The pose at `start`.
+    start, share : float
+        Shares of the interval, from 0 to 1.
+    halvings : int
+        How often what cannot be followed straight is halved.
 
     Raises
     ------
